@@ -50,7 +50,8 @@ def parse_parameters(model: type[BaseModel], values: dict[str, Any], *, owner: s
 
 
 def _one_line(error: ValidationError, model: type[BaseModel], owner: str) -> str:
-    first = error.errors()[0]
+    # an unknown name first: beside it, "missing" is most likely the same slip of the pen
+    first = min(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
     name = ".".join(str(part) for part in first["loc"])
     if first["type"] == "extra_forbidden":
         return f"{owner} has no parameter '{name}'; {did_you_mean(name, model.model_fields, noun='parameter')}"

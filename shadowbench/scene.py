@@ -48,13 +48,14 @@ class Mesh:
         vertices, triangles = np.asarray(self.vertices), np.asarray(self.triangles)
         if vertices.ndim != 2 or vertices.shape[1] != 3 or vertices.dtype not in (np.float32, np.float64):
             raise SceneError(f"mesh '{self.name}': vertices must be float32 or float64 of shape [n, 3]")
-        if triangles.ndim != 2 or triangles.shape[1] != 3:
-            raise SceneError(f"mesh '{self.name}': triangles must be of shape [n, 3]")
+        if triangles.ndim != 2 or triangles.shape[1] != 3 or triangles.dtype.kind not in "iu":
+            raise SceneError(f"mesh '{self.name}': triangles must be integers of shape [n, 3]")
         if len(triangles) == 0:
             raise SceneError(f"mesh '{self.name}' has no triangles")
         if triangles.min() < 0 or triangles.max() >= len(vertices):
+            wrong = triangles.min() if triangles.min() < 0 else triangles.max()
             raise SceneError(
-                f"mesh '{self.name}': a triangle names vertex {int(max(triangles.max(), -triangles.min()))}, "
+                f"mesh '{self.name}': a triangle names vertex {int(wrong)}, "
                 f"but there are {len(vertices)} vertices (0 to {len(vertices) - 1})"
             )
         finite = np.isfinite(vertices).all(axis=1)

@@ -1,0 +1,123 @@
+"""The direction of dependency between the rooms, read from the imports."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+
+ROOMS: dict[str, set[str]] = {
+    # model: what a scene, a view and a parameter are
+    "errors": set(),
+    "parameters": {"errors"},
+    "scene": {"errors"},
+    "world": {"errors", "scene", "device"},
+    "light_space": {"errors", "scene", "world"},
+    "receivers": {"scene", "device"},
+    # device code: knows frames and lights, never a method
+    "device": {"errors", "scene", "world", "light_space", "receivers"},
+    "method": {"errors", "scene", "world", "light_space", "receivers", "device"},
+    "camera_pass": {"errors", "scene", "world", "light_space", "receivers", "device"},
+    "reference": {"errors", "scene", "world", "light_space", "receivers", "device"},
+    "metrics": {"receivers", "reference", "world"},
+    "pictures": {"receivers", "reference", "scene", "world"},
+    "plugins": {"errors", "method", "scene"},
+    "methods": {"errors", "parameters", "method", "scene", "world", "light_space", "receivers", "device"},
+    "scenes": {"errors", "parameters", "scene"},
+    "contract": {
+        *("errors", "parameters", "method", "camera_pass", "scene", "world", "light_space", "receivers", "device"),
+    },
+    # results: read without Warp
+    "rows": set(),
+    "experiment": {"errors", "rows"},
+    "experiments": set(),
+    "identity": {"errors", "rows", "plugins"},
+    "runner": {
+        *("errors", "parameters", "plugins", "experiment", "identity", "method", "scene", "world", "light_space"),
+        *("receivers", "camera_pass", "reference", "metrics", "pictures", "contract", "device", "rows", "store"),
+    },
+    "store": {"errors", "rows", "experiment"},
+    "tables": {"errors", "rows", "experiment", "metrics", "store"},
+    "report": {"errors", "rows", "experiment", "metrics", "store", "tables", "pictures"},
+    "cli": {"*"},
+}
+"""Each room and the rooms it may import from. Extending this list is a decision: write down why in CONTRIBUTING.md."""
+
+WITHOUT_WARP = ("rows", "experiment", "store", "tables", "report", "cli", "errors", "scene", "parameters")
+
+
+def _room_of(path: Path) -> str:
+    relative = path.relative_to(ROOT)
+    if relative.parts[0] in ("methods", "scenes"):
+        return relative.parts[0]
+    return relative.parts[1].removesuffix(".py")
+
+
+def _sources() -> list[Path]:
+    return sorted(p for top in ("shadowbench", "methods", "scenes") for p in (ROOT / top).rglob("*.py"))
+
+
+def _imported_modules(path: Path, *, at_import_time: bool) -> set[str]:
+    """Names of modules a file imports; with ``at_import_time`` only those at its top level, not for typing."""
+    tree = ast.parse(path.read_text())
+    found: set[str] = set()
+
+    def visit(node: ast.AST) -> None:
+        for child in ast.iter_child_nodes(node):
+            if isinstance(child, ast.Import):
+                found.update(alias.name for alias in child.names)
+            elif isinstance(child, ast.ImportFrom) and child.module:
+                found.add(child.module)
+                if child.module == "shadowbench":
+                    found.update(f"shadowbench.{alias.name}" for alias in child.names)
+            elif at_import_time and (
+                isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef)
+                or (isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test))
+            ):
+                continue
+            visit(child)
+
+    visit(tree)
+    return found
+
+
+def _rooms(modules: set[str]) -> set[str]:
+    return {m.split(".")[1] for m in modules if m.startswith("shadowbench.")}
+
+
+@pytest.mark.parametrize("path", _sources(), ids=lambda p: str(p.relative_to(ROOT)))
+def test_a_module_imports_only_from_rooms_below_it(path: Path) -> None:
+    room = _room_of(path)
+    if room in ("__init__", "__main__"):
+        return
+    allowed = ROOMS[room]
+    imported = _rooms(_imported_modules(path, at_import_time=False))
+    # measures and pictures name the reference for type checkers only
+    forbidden = set() if "*" in allowed else imported - allowed - {room}
+    assert not forbidden, f"{room} may not import from {sorted(forbidden)}"
+
+
+@pytest.mark.parametrize("package", ["methods"])
+def test_methods_do_not_import_each_other(package: str) -> None:
+    for path in (ROOT / package).rglob("*.py"):
+        own = path.relative_to(ROOT).parts[1]
+        for module in _imported_modules(path, at_import_time=False):
+            if module.startswith("shadowbench.methods."):
+                assert module.split(".")[2] == own, f"{path} imports {module}"
+
+
+@pytest.mark.parametrize("room", WITHOUT_WARP)
+def test_reading_tabling_and_serving_start_without_warp(room: str) -> None:
+    for path in _sources():
+        if _room_of(path) != room:
+            continue
+        imported = _imported_modules(path, at_import_time=True)
+        heavy = {m for m in imported if m.split(".")[0] == "warp"}
+        heavy |= imported & {"shadowbench.method", "shadowbench.device", "shadowbench.reference"}
+        assert not heavy, f"{path} imports {sorted(heavy)} at start"
+
+
+def test_no_room_is_missing_from_the_plan() -> None:
+    rooms = {_room_of(p) for p in _sources()} - {"__init__", "__main__"}
+    assert rooms <= set(ROOMS)
