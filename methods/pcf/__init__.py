@@ -1,0 +1,141 @@
+"""Percentage-closer filtering (Reeves, Salesin & Cook 1987): filter the comparisons, never the depths.
+
+Every texel of the footprint is compared with the receiver first, and the weighted mean of the answers is the
+visibility. ``filter`` says which weights: ``bilinear`` (2x2, as graphics hardware compares), ``box`` (K x K equal
+weights) or ``gauss`` (K x K). An odd footprint is centred on the texel that holds the receiver, an even one on the
+texel corner nearest to it, so K taps along each axis and weights that sum to 1 in both cases.
+
+The biases are those of ``shadow-map``, scaled with the footprint, since a plane needs more the farther the farthest
+tap: with footprint K the polygon offset and the normal offset are K times the parameter, and 1 is again exactly what
+a plane needs. ``receiver_plane`` follows the plane to each tap instead.
+
+Limits: the penumbra is as wide as the kernel, not as the light; at silhouettes the scaled bias detaches contact
+shadows. Cost: K² texels a receiver, whatever the map's size.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+from pydantic import model_validator
+from shadowbench.methods.pcf.kernels import filter_bilinear, filter_weighted
+
+from shadowbench.device.arrays import as_warp
+from shadowbench.device.depth_maps import DepthMaps
+from shadowbench.device.launch import launch
+from shadowbench.device.shadow_lookup import LightMaps, light_maps
+from shadowbench.light_space import light_frames
+from shadowbench.method import Changes, LightSpaceKernel, Method, Trace, View
+from shadowbench.parameters import ParameterModel, parameter
+from shadowbench.receivers import Receivers
+from shadowbench.scene import Light, RectangularLight
+from shadowbench.world import Casters, World
+
+
+class PcfParameters(ParameterModel):
+    resolution: int = parameter(1024, unit="texels", help="Width and height of each map.", ge=1, le=16384)
+    filter: Literal["bilinear", "box", "gauss"] = parameter(
+        "box", unit="1", help="Weights: 2x2 bilinear, equal, or Gaussian."
+    )
+    kernel: int = parameter(
+        3, unit="texels", help="Width of the footprint, odd or even; bilinear is always 2.", ge=1, le=63
+    )
+    bias: float = parameter(1.0e-5, unit="depth", help="Constant bias, taken off the receiver's depth.", ge=0.0, le=1.0)
+    slope_bias: float = parameter(
+        1.0, unit="texels", help="Polygon offset in texels of slope, times the footprint.", ge=0.0, le=64.0
+    )
+    receiver_plane: bool = parameter(
+        False, unit="1", help="Compare each tap with the depth of the receiver's plane there."
+    )
+    normal_offset: float = parameter(
+        0.0, unit="texels", help="Move the look-up along the normal: this times sine times footprint.", ge=0.0, le=64.0
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _bilinear_is_two_wide(cls, values: Any) -> Any:
+        if isinstance(values, dict) and values.get("filter") == "bilinear":
+            if str(values.get("kernel", 2)) != "2":
+                raise ValueError(f"a bilinear filter's kernel is 2 texels wide, not {values['kernel']}")
+            return {**values, "kernel": 2}
+        return values
+
+
+def gauss_sigma(width: int) -> float:
+    """Standard deviation of a Gauss kernel of ``width`` taps [texels]: the rule of OpenCV's ``getGaussianKernel``."""
+    return 0.3 * ((width - 1) * 0.5 - 1.0) + 0.8
+
+
+def tap_weights(shape: str, width: int) -> NDArray[np.float64]:
+    """Weights of ``width`` taps along one axis, summing to 1."""
+    if shape == "box":
+        return np.full(width, 1.0 / width)
+    sigma = gauss_sigma(width)
+    offsets = [k - (width - 1) / 2.0 for k in range(width)]
+    values = [math.exp(-0.5 * (x / sigma) ** 2) for x in offsets]
+    return np.array(values) / math.fsum(values)
+
+
+class PercentageCloserFiltering(Method):
+    """The weighted mean of depth tests over a footprint of texels."""
+
+    name = "pcf"
+    title = "Percentage-closer filtering"
+    source = "Reeves, Salesin & Cook 1987"
+    Parameters = PcfParameters
+    counters: ClassVar[dict[str, str]] = {
+        "triangles drawn": "casters' triangles times the number of maps",
+        "map texels": "texels over all maps",
+        "texels compared": "taps over all valid receivers",
+    }
+
+    parameters: PcfParameters
+    _maps: DepthMaps | None = None
+    _lookup: LightMaps
+
+    def supports(self, world: World, light: Light) -> str | None:
+        if isinstance(light, RectangularLight):
+            return "an area light has no depth map"
+        if not world.casters.is_opaque:
+            return "a depth map holds opaque casters only"
+        return None
+
+    def build(self, casters: Casters, light: Light, view: View, changes: Changes, trace: Trace) -> None:
+        frames = light_frames(light, casters.world)
+        if self._maps is None:
+            self._maps = DepthMaps(len(frames), self.parameters.resolution, self.context)
+        with trace.stage("depth map"):
+            self._maps.draw(casters, frames, slope_bias=self.parameters.slope_bias * self.parameters.kernel)
+        self._lookup = light_maps(light, frames, self._maps.depth)
+        trace.count("triangles drawn", casters.triangle_count * len(frames))
+        trace.count("map texels", self._maps.depth.size)
+        trace.keep("shadow map", self._maps.depth)
+
+    def shade(self, receivers: Receivers, visibility: wp.array[Any], trace: Trace) -> None:
+        p = self.parameters
+        on_device = receivers.on(self.context.device)
+        inputs = [
+            self._lookup,
+            on_device.position,
+            on_device.normal,
+            p.bias,
+            p.normal_offset * p.kernel,
+            float(p.receiver_plane),
+        ]
+        kernel = filter_bilinear
+        if p.filter != "bilinear":
+            kernel = filter_weighted
+            weights = tap_weights(p.filter, p.kernel).astype(np.float32)
+            inputs.append(as_warp(weights, wp.float32, self.context.device))
+        with trace.stage("look-up"):
+            launch(kernel, receivers.count, inputs=inputs, outputs=[visibility], context=self.context)
+        trace.count("texels compared", int(receivers.valid.sum()) * p.kernel**2)
+
+    def kernel(self, receivers: Receivers) -> LightSpaceKernel:
+        p = self.parameters
+        sigma = gauss_sigma(p.kernel) if p.filter == "gauss" else 0.0
+        return LightSpaceKernel(shape=p.filter, width=float(p.kernel), resolution=p.resolution, sigma=sigma)

@@ -1,0 +1,107 @@
+"""Shadow maps (Williams 1978): draw the scene's depth from the light, compare each receiver with the nearest texel.
+
+The map stores linear depth at texel centres; a receiver anywhere in the texel is compared with that one number, so a
+surface slanted to the light shadows itself (*acne*) unless a bias keeps the comparison off. Four biases, which add up:
+
+* ``bias``, constant: the receiver is moved towards the light. Too small leaves acne, too large detaches shadows from
+  what casts them (*peter-panning*).
+* ``slope_bias``: polygon offset when the map is drawn; stored depths grow by this many texels' worth of the caster's
+  larger depth slope. 1 is exactly what a plane needs, since a receiver is at most half a texel from the centre along
+  each axis.
+* ``receiver_plane``: the depth compared is the receiver's plane's at the texel's centre; clamped as the plane turns
+  edge-on.
+* ``normal_offset``: the look-up's position moves along the surface normal (Holbert 2011).
+
+Limits: resolution. Shadow edges are as wrong as a texel is large, and casters thinner than a texel drop out. Point
+lights take six maps. Cost: drawing every caster once a map; one texel a receiver.
+"""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import warp as wp
+from shadowbench.methods.shadow_map.kernels import compare_nearest_texel
+
+from shadowbench.device.depth_maps import DepthMaps
+from shadowbench.device.launch import launch
+from shadowbench.device.shadow_lookup import LightMaps, light_maps
+from shadowbench.light_space import light_frames
+from shadowbench.method import Changes, Method, Trace, View
+from shadowbench.parameters import ParameterModel, parameter
+from shadowbench.receivers import Receivers
+from shadowbench.scene import Light, RectangularLight
+from shadowbench.world import Casters, World
+
+
+class ShadowMapParameters(ParameterModel):
+    resolution: int = parameter(1024, unit="texels", help="Width and height of each map.", ge=1, le=16384)
+    bias: float = parameter(1.0e-5, unit="depth", help="Constant bias, taken off the receiver's depth.", ge=0.0, le=1.0)
+    slope_bias: float = parameter(
+        1.0, unit="texels", help="Polygon offset: stored depths grow by this many texels of slope.", ge=0.0, le=64.0
+    )
+    receiver_plane: bool = parameter(
+        False, unit="1", help="Compare with the depth of the receiver's plane at the texel's centre."
+    )
+    normal_offset: float = parameter(
+        0.0,
+        unit="texels",
+        help="Move the look-up along the normal, by this times the sine to the light.",
+        ge=0.0,
+        le=64.0,
+    )
+
+
+class ShadowMap(Method):
+    """Williams' depth test against the nearest texel."""
+
+    name = "shadow-map"
+    title = "Shadow maps"
+    source = "Williams 1978; biases: Reeves et al. 1987 and Holbert 2011"
+    Parameters = ShadowMapParameters
+    counters: ClassVar[dict[str, str]] = {
+        "triangles drawn": "casters' triangles times the number of maps",
+        "map texels": "texels over all maps",
+        "texels compared": "texels looked up, over all valid receivers",
+    }
+
+    parameters: ShadowMapParameters
+    _maps: DepthMaps | None = None
+    _lookup: LightMaps
+
+    def supports(self, world: World, light: Light) -> str | None:
+        if isinstance(light, RectangularLight):
+            return "an area light has no depth map"
+        if not world.casters.is_opaque:
+            return "a depth map holds opaque casters only"
+        return None
+
+    def build(self, casters: Casters, light: Light, view: View, changes: Changes, trace: Trace) -> None:
+        frames = light_frames(light, casters.world)
+        if self._maps is None:
+            self._maps = DepthMaps(len(frames), self.parameters.resolution, self.context)
+        with trace.stage("depth map"):
+            self._maps.draw(casters, frames, slope_bias=self.parameters.slope_bias)
+        self._lookup = light_maps(light, frames, self._maps.depth)
+        trace.count("triangles drawn", casters.triangle_count * len(frames))
+        trace.count("map texels", self._maps.depth.size)
+        trace.keep("shadow map", self._maps.depth)
+
+    def shade(self, receivers: Receivers, visibility: wp.array[Any], trace: Trace) -> None:
+        on_device = receivers.on(self.context.device)
+        with trace.stage("look-up"):
+            launch(
+                compare_nearest_texel,
+                receivers.count,
+                inputs=[
+                    self._lookup,
+                    on_device.position,
+                    on_device.normal,
+                    self.parameters.bias,
+                    self.parameters.normal_offset,
+                    float(self.parameters.receiver_plane),
+                ],
+                outputs=[visibility],
+                context=self.context,
+            )
+        trace.count("texels compared", int(receivers.valid.sum()))

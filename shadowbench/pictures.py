@@ -1,0 +1,123 @@
+"""Pictures of a result: the shaded view, the reference beside it, and which receivers fail.
+
+NumPy and Pillow only. Shading is the same for every technique (Lambert under one light, a sky, a tone curve), so that
+two pictures of a scene differ in nothing but their shadows. Failure colours are from the palette of Okabe and Ito,
+told apart by readers with any kind of colour vision.
+"""
+
+from __future__ import annotations
+
+import io
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from shadowbench.receivers import Receivers
+from shadowbench.scene import DirectionalLight, Light, PointLight, RectangularLight, SpotLight
+
+if TYPE_CHECKING:
+    from shadowbench.reference import Reference
+    from shadowbench.world import World
+
+FAILURE_COLOURS: dict[str, tuple[int, int, int]] = {
+    "false_lit": (230, 159, 0),
+    "false_shadow": (86, 180, 233),
+    "peter_panning": (213, 94, 0),
+    "acne": (0, 114, 178),
+    "classified": (204, 121, 167),
+}
+"""Later ones are painted over earlier ones: peter-panning is false lit, acne is false shadow."""
+
+_SKY = np.array([0.22, 0.28, 0.38])
+_BOUNCE = np.array([0.16, 0.15, 0.13])
+_SUN = np.array([0.86, 0.80, 0.70])
+_BACKGROUND = np.array([[0.62, 0.74, 0.90], [0.90, 0.93, 0.96]])
+"""Colours in linear light: the sky above, what the ground throws back, the light; and the backdrop, top and bottom."""
+
+Image8 = NDArray[np.uint8]
+Mask = NDArray[np.bool_]
+
+
+def shaded(world: World, light: Light, receivers: Receivers, visibility: NDArray[np.float32]) -> Image8:
+    """Return the picture that a visibility gives, 8-bit sRGB, shape [height, width, 3]."""
+    normal = receivers.normal.astype(np.float64)
+    albedo = np.array([i.albedo for i in world.instances])[receivers.instance]
+    facing = np.clip((normal * towards(light, receivers.position)).sum(axis=1), 0.0, None)[:, None]
+    upward = (0.5 + 0.5 * normal[:, 1])[:, None]
+    lit = np.where(receivers.valid[:, None], visibility.reshape(len(receivers), -1), 1.0)
+    radiance = albedo * (upward * _SKY + (1.0 - upward) * _BOUNCE + facing * lit * _SUN)
+    image = receivers.picture(radiance)
+    open_sky = 1.0 - receivers.picture(np.ones(len(receivers)))
+    down = np.linspace(0.0, 1.0, receivers.height)[:, None, None]
+    image += open_sky[..., None] * (_BACKGROUND[0] * (1.0 - down) + _BACKGROUND[1] * down)
+    return to_srgb(image)
+
+
+def towards(light: Light, positions: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Return the unit direction from each position [n, 3] to the light (to its centre, for an area light)."""
+    match light:
+        case DirectionalLight():
+            offset = np.broadcast_to(np.asarray(light.direction), positions.shape)
+        case SpotLight() | PointLight():
+            offset = np.asarray(light.position) - positions.astype(np.float64)
+        case RectangularLight():
+            centre = np.asarray(light.corner) + 0.5 * (np.asarray(light.edge_u) + np.asarray(light.edge_v))
+            offset = centre - positions.astype(np.float64)
+    length = np.sqrt((offset * offset).sum(axis=1, keepdims=True))
+    direction: NDArray[np.float64] = offset / np.maximum(length, 1e-300)
+    return direction
+
+
+def to_srgb(linear: NDArray[np.float64]) -> Image8:
+    """Return linear radiance as 8-bit sRGB; a shoulder above 0.8 keeps bright surfaces from clipping."""
+    shoulder = 0.8 + 0.2 * (1.0 - np.exp(-(linear - 0.8) / 0.2))
+    toned = np.where(linear > 0.8, shoulder, np.clip(linear, 0.0, None))
+    encoded = np.where(toned <= 0.0031308, 12.92 * toned, 1.055 * toned ** (1.0 / 2.4) - 0.055)
+    return (encoded * 255.0 + 0.5).astype(np.uint8)
+
+
+def failure_picture(base: Image8, receivers: Receivers, masks: dict[str, Mask]) -> Image8:
+    """Return the shaded picture in faded grey with the failing receivers painted on it."""
+    grey = base.astype(np.float64) @ [0.2126, 0.7152, 0.0722]
+    image = np.repeat((110.0 + 0.5 * grey)[..., None], 3, axis=2)
+    flat = image.reshape(-1, 3)
+    for name, colour in FAILURE_COLOURS.items():
+        if name in masks:
+            flat[receivers.pixel[masks[name]]] = colour
+    return image.astype(np.uint8)
+
+
+def mask_picture(receivers: Receivers, mask: Mask) -> bytes:
+    """Return a mask as a 1-bit PNG, white where any receiver of the pixel is in it."""
+    image = np.zeros(receivers.width * receivers.height, dtype=bool)
+    image[receivers.pixel[mask]] = True
+    return _png(Image.fromarray(image.reshape(receivers.height, receivers.width)))
+
+
+def case_pictures(
+    world: World,
+    light: Light,
+    receivers: Receivers,
+    reference: Reference,
+    visibility: NDArray[np.float32],
+    masks: dict[str, Mask],
+) -> dict[str, bytes]:
+    """Return a case's pictures as PNG by name: ``result``, ``reference``, ``failures`` and one ``mask-…`` a measure."""
+    result = shaded(world, light, receivers, visibility)
+    exact = shaded(world, light, receivers, reference.visibility)
+    pictures = {
+        "result": _png(Image.fromarray(result)),
+        "reference": _png(Image.fromarray(exact)),
+        "failures": _png(Image.fromarray(failure_picture(exact, receivers, masks))),
+    }
+    for name, mask in masks.items():
+        pictures[f"mask-{name.replace('_', '-')}"] = mask_picture(receivers, mask)
+    return pictures
+
+
+def _png(image: Image.Image) -> bytes:
+    file = io.BytesIO()
+    image.save(file, format="PNG", optimize=False)
+    return file.getvalue()

@@ -1,0 +1,105 @@
+import numpy as np
+import pytest
+from builders import box_over_ground
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from running import run_method
+from shadowbench.methods.pcf import PercentageCloserFiltering, gauss_sigma, tap_weights
+
+from shadowbench.camera_pass import render
+from shadowbench.errors import ParameterError
+from shadowbench.light_space import light_frames
+from shadowbench.method import Context
+from shadowbench.parameters import parse_parameters
+
+WORLD = box_over_ground()
+RECEIVERS = render(WORLD, WORLD.cameras["front"], 120, 90, Context())
+
+
+def _tests(depth, columns, rows, d, bias):
+    size = depth.shape[1]
+    return d - bias <= depth[np.clip(rows, 0, size - 1), np.clip(columns, 0, size - 1)]
+
+
+def _place(resolution):
+    (frame,) = light_frames(WORLD.lights["sun"], WORLD)
+    u, v, d, _ = frame.project(RECEIVERS.position).T
+    return u * resolution, v * resolution, d
+
+
+@pytest.mark.parametrize("shape", ["box", "gauss"])
+@pytest.mark.parametrize("kernel", [1, 2, 3, 4, 5, 8])
+def test_the_result_is_the_weighted_mean_of_the_comparisons(shape, kernel):
+    values = {"filter": shape, "kernel": kernel, "resolution": 150, "bias": 1e-4}
+    visibility, trace = run_method("pcf", WORLD, RECEIVERS, **values)
+    depth = trace.kept["shadow map"].numpy()[0]
+    x, y, d = _place(150)
+    # the texel centres of an odd footprint lie around the holding texel, of an even one around the nearest corner
+    first_x = np.floor(x - (kernel % 2 == 0) * 0.5).astype(int) - (kernel - 1) // 2
+    first_y = np.floor(y - (kernel % 2 == 0) * 0.5).astype(int) - (kernel - 1) // 2
+    weights = tap_weights(shape, kernel)
+    expected = np.zeros(RECEIVERS.count)
+    for j in range(kernel):
+        for i in range(kernel):
+            expected += weights[i] * weights[j] * _tests(depth, first_x + i, first_y + j, d, 1e-4)
+    differing = np.abs(visibility - expected) > 1e-5
+    assert differing.sum() <= 2  # within rounding of a texel's border
+
+
+def test_bilinear_weighs_the_four_comparisons_by_distance_to_the_centres():
+    visibility, trace = run_method("pcf", WORLD, RECEIVERS, filter="bilinear", resolution=150, bias=1e-4)
+    depth = trace.kept["shadow map"].numpy()[0]
+    x, y, d = _place(150)
+    expected = np.zeros(RECEIVERS.count)
+    for j in (0, 1):
+        for i in (0, 1):
+            column, row = np.floor(x - 0.5).astype(int) + i, np.floor(y - 0.5).astype(int) + j
+            share = np.clip(1.0 - np.abs(x - column - 0.5), 0, None) * np.clip(1.0 - np.abs(y - row - 0.5), 0, None)
+            expected += share * _tests(depth, column, row, d, 1e-4)
+    assert (np.abs(visibility - expected) > 1e-5).sum() <= 2
+
+
+@pytest.mark.parametrize("light", ["sun", "spot", "lamp"])
+def test_one_tap_is_the_shadow_map(light):
+    filtered, _ = run_method("pcf", WORLD, RECEIVERS, light=light, kernel=1, resolution=256)
+    nearest, _ = run_method("shadow-map", WORLD, RECEIVERS, light=light, resolution=256)
+    assert (filtered == nearest).all()
+
+
+@pytest.mark.parametrize("kernel", [2, 5, 8])
+def test_a_bias_that_grows_with_the_footprint_leaves_no_acne_in_the_open(kernel):
+    lit = box_over_ground(lift=0.0, lights={"sun": WORLD.lights["sun"]})
+    on_top = (RECEIVERS.instance == 1) & (RECEIVERS.normal[:, 1] > 0.9)
+    inner = on_top & (np.abs(RECEIVERS.position[:, [0, 2]]) < 0.3).all(axis=1)
+    visibility, _ = run_method("pcf", lit, RECEIVERS, kernel=kernel, resolution=128)
+    assert inner.sum() > 50
+    assert (visibility[inner] == 1.0).all()
+    shallow, _ = run_method("pcf", lit, RECEIVERS, kernel=kernel, resolution=128, slope_bias=0.2, bias=0.0)
+    assert (shallow[inner] < 1.0).any()
+
+
+@settings(max_examples=60, deadline=None)
+@given(shape=st.sampled_from(["box", "gauss"]), width=st.integers(1, 63))
+def test_weights_are_symmetric_and_sum_to_one(shape, width):
+    weights = tap_weights(shape, width)
+    assert weights.sum() == pytest.approx(1.0, abs=1e-12)
+    np.testing.assert_allclose(weights, weights[::-1], rtol=1e-12)
+
+
+@pytest.mark.parametrize(("width", "sigma"), [(3, 0.8), (5, 1.1), (7, 1.4)])
+def test_gauss_widths_have_opencvs_deviations(width, sigma):
+    assert gauss_sigma(width) == pytest.approx(sigma)
+
+
+def test_the_footprint_is_told_to_the_filtered_reference():
+    method = PercentageCloserFiltering(PercentageCloserFiltering.Parameters(filter="gauss", kernel=5), Context())
+    kernel = method.kernel(RECEIVERS)
+    assert (kernel.shape, kernel.width, kernel.resolution) == ("gauss", 5.0, 1024)
+    assert kernel.sigma == pytest.approx(1.1)
+
+
+def test_bilinear_takes_no_other_width():
+    model = PercentageCloserFiltering.Parameters
+    assert parse_parameters(model, {"filter": "bilinear"}, owner="method 'pcf'").kernel == 2
+    with pytest.raises(ParameterError, match="2 texels wide, not 5"):
+        parse_parameters(model, {"filter": "bilinear", "kernel": "5"}, owner="method 'pcf'")

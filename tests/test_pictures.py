@@ -1,0 +1,56 @@
+import io
+
+import numpy as np
+from builders import SUN, box_over_ground, flat_receivers, stated_reference
+from PIL import Image
+
+from shadowbench.pictures import FAILURE_COLOURS, case_pictures, failure_picture, shaded, to_srgb, towards
+from shadowbench.scene import PointLight
+
+
+def test_a_shadowed_surface_is_darker_and_keeps_its_ambient_light():
+    receivers = flat_receivers(8, 4)
+    visibility = np.where(np.arange(32) % 8 < 4, 0.0, 1.0).astype(np.float32)
+    image = shaded(box_over_ground(), SUN, receivers, visibility).astype(int)
+    assert image.shape == (4, 8, 3)
+    assert (image[:, :4] < image[:, 4:] - 30).all()
+    assert (image[:, :4] > 20).all()
+
+
+def test_directions_to_a_point_light_are_unit_and_point_at_it():
+    receivers = flat_receivers(4, 4)
+    light = PointLight((0.5, 2.0, -1.0))
+    direction = towards(light, receivers.position)
+    distance = np.linalg.norm(np.array(light.position) - receivers.position, axis=1)
+    np.testing.assert_allclose(receivers.position + direction * distance[:, None], [light.position] * 16, atol=1e-6)
+
+
+def test_the_tone_curve_rises_and_stays_in_range():
+    values = to_srgb(np.linspace(0.0, 10.0, 4000)).astype(int)
+    assert values[0] == 0
+    assert values[-1] == 255
+    assert (np.diff(values) >= 0).all()
+
+
+def test_failures_are_painted_in_their_colours_and_later_classes_win():
+    receivers = flat_receivers(4, 1)
+    base = np.full((1, 4, 3), 200, np.uint8)
+    masks = {
+        "false_lit": np.array([True, True, False, False]),
+        "peter_panning": np.array([False, True, False, False]),
+    }
+    image = failure_picture(base, receivers, masks)
+    assert tuple(image[0, 0]) == FAILURE_COLOURS["false_lit"]
+    assert tuple(image[0, 1]) == FAILURE_COLOURS["peter_panning"]
+    assert image[0, 2, 0] == image[0, 2, 1] == image[0, 2, 2]
+
+
+def test_every_mask_comes_out_as_a_picture():
+    receivers = flat_receivers(8, 4)
+    truth = np.ones(32, np.float32)
+    mask = np.arange(32) % 5 == 0
+    pictures = case_pictures(box_over_ground(), SUN, receivers, stated_reference(truth), truth, {"false_shadow": mask})
+    assert set(pictures) == {"result", "reference", "failures", "mask-false-shadow"}
+    shown = np.asarray(Image.open(io.BytesIO(pictures["mask-false-shadow"])))
+    assert (shown.reshape(-1) == mask).all()
+    assert pictures["result"] == pictures["reference"]
