@@ -53,8 +53,12 @@ class CameraPass:
         self._first_triangle = as_warp(world.first_triangle, wp.int64, context.device)
         receives = np.array([i.receives for i in world.instances], dtype=np.uint8)
         self._receives = as_warp(receives, wp.uint8, context.device)
+        pixel_count = width * height
+        self._layer = np.zeros(pixel_count, dtype=np.int32)
+        self._one = np.ones(pixel_count, dtype=np.float32)  # weight and alpha of opaque surfaces, one sample a pixel
+        self._first_of_pixel = np.zeros(pixel_count + 1, dtype=np.int32)
         self._buffers = {
-            name: wp.empty(width * height, dtype=dtype, device=context.device) for name, dtype in _FIELDS.items()
+            name: wp.empty(pixel_count, dtype=dtype, device=context.device) for name, dtype in _FIELDS.items()
         }
 
     def run(self) -> Receivers:
@@ -97,16 +101,15 @@ class CameraPass:
     def _receivers(self, pixel: NDArray[np.int32], covered: NDArray[np.bool_]) -> Receivers:
         count = len(pixel)
         arrays = {name: buffer.numpy()[:count] for name, buffer in self._buffers.items()}
-        first_of_pixel = np.zeros(self.width * self.height + 1, dtype=np.int32)
-        np.cumsum(covered, out=first_of_pixel[1:])
+        np.cumsum(covered, out=self._first_of_pixel[1:])
         return Receivers(
             width=self.width,
             height=self.height,
             eye=self.camera.eye,
             pixel=pixel,
-            layer=np.zeros(count, dtype=np.int32),
-            weight=np.ones(count, dtype=np.float32),
-            alpha=np.ones(count, dtype=np.float32),
+            layer=self._layer[:count],
+            weight=self._one[:count],
+            alpha=self._one[:count],
             position=arrays["position"],
             normal=arrays["normal"],
             instance=arrays["instance"],
@@ -114,7 +117,7 @@ class CameraPass:
             position_dx=arrays["position_dx"],
             position_dy=arrays["position_dy"],
             valid=arrays["valid"].view(np.bool_),
-            first_of_pixel=first_of_pixel,
+            first_of_pixel=self._first_of_pixel,
         )
 
 

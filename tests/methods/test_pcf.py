@@ -4,12 +4,12 @@ from builders import box_over_ground
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from running import run_method
-from shadowbench.methods.pcf import PercentageCloserFiltering, gauss_sigma, tap_weights
 
 from shadowbench.camera_pass import render
 from shadowbench.errors import ParameterError
 from shadowbench.light_space import light_frames
 from shadowbench.method import Context
+from shadowbench.methods.pcf import PercentageCloserFiltering, gauss_sigma, tap_weights
 from shadowbench.parameters import parse_parameters
 
 WORLD = box_over_ground()

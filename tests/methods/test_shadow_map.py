@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from builders import LIGHTS, box_over_ground, square
 from running import run_method
-from shadowbench.scenes.random_triangles import RandomTriangles
 
 from shadowbench.camera_pass import render
 from shadowbench.light_space import cube_face_of, is_in_field_of_view, light_frames
@@ -12,6 +11,7 @@ from shadowbench.method import Context
 from shadowbench.metrics import measure
 from shadowbench.reference import hard_reference
 from shadowbench.scene import Camera, DirectionalLight, Instance, Mesh, PointLight, Scene
+from shadowbench.scenes.random_triangles import RandomTriangles
 from shadowbench.world import World, place
 
 
