@@ -1,0 +1,257 @@
+"""The results store: runs and their rows in, runs and their rows out.
+
+:class:`Store` is all that the rest of the program sees of the database. Each call is one transaction; a call that
+writes has its effect on the disk before it returns. A store may be used from several threads, and a folder from
+several processes; a store that was opened before a ``fork`` must not be used after it.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from sqlalchemy import Engine, delete, func, insert, select, update
+from sqlalchemy.orm import Session
+
+from shadowbench.errors import StoreError, did_you_mean
+from shadowbench.rows import Outcome, ResultRow, RunRecord, RunStatus
+from shadowbench.store.artifacts import ArtifactFolder
+from shadowbench.store.engine import make_engine, store_errors, writing
+from shadowbench.store.models import LONG_MODELS, StoredRow, StoredRun
+from shadowbench.store.records import long_values, row_from, row_values, run_from, run_values
+from shadowbench.store.schema import ensure_current
+
+DATABASE_NAME = "results.sqlite"
+
+LATEST = "latest"
+"""The selector of the newest run."""
+
+_RUNS = StoredRun.__table__.c
+_ROWS = StoredRow.__table__.c
+
+
+class Store:
+    """An open results folder. Made by :meth:`open`; closed by :meth:`close` or the end of a ``with`` block."""
+
+    def __init__(self, folder: Path, engine: Engine) -> None:
+        """Use a database that is up to date; everybody else calls :meth:`open`."""
+        self.folder = folder
+        self.artifacts = ArtifactFolder(folder / "artifacts")
+        self._database = folder / DATABASE_NAME
+        self._engine = engine
+
+    @classmethod
+    def open(cls, folder: Path, *, create: bool = True) -> Store:
+        """Open a results folder; an older database in it is upgraded.
+
+        Args:
+            folder: The results folder.
+            create: Make folder and database if they are missing, and demand that they can be written to. Without it a
+                folder that may only be read is opened for reading.
+
+        Raises:
+            StoreError: The folder or its database is missing, cannot be opened, or belongs to something else.
+        """
+        database = folder / DATABASE_NAME
+        if folder.exists() and not folder.is_dir():
+            raise StoreError(f"{folder}: is a file, not a results folder")
+        if not create and not database.exists():
+            raise StoreError(
+                f"{folder}: holds no results; `shadowbench run` makes some, --results names another folder"
+            )
+        if create:
+            with store_errors(folder, "make the results folder"):
+                folder.mkdir(parents=True, exist_ok=True)
+        read_only = not all(
+            os.access(path, os.W_OK, effective_ids=True) for path in (folder, database) if path.exists()
+        )
+        if read_only and create:
+            raise StoreError(f"{folder}: may only be read; give another folder with --results")
+        engine = make_engine(database, read_only=read_only)
+        try:
+            with store_errors(database, "open the results"):
+                ensure_current(engine, database, read_only=read_only)
+        except BaseException:
+            engine.dispose()
+            raise
+        return cls(folder, engine)
+
+    def close(self) -> None:
+        """Close the database; closing twice does no harm."""
+        self._engine.dispose()
+
+    def __enter__(self) -> Self:
+        """Return the store."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close the store."""
+        self.close()
+
+    @contextmanager
+    def _session(self, action: str, *, writes: bool = False) -> Iterator[Session]:
+        engine = writing(self._engine) if writes else self._engine
+        with store_errors(self._database, action), Session(engine) as session, session.begin():
+            yield session
+
+    # Runs
+
+    def start_run(self, run: RunRecord) -> None:
+        """Record a run. One that is there already is continued: its record is replaced and its rows stay.
+
+        A run that is running has no end, whatever its record says of an earlier one.
+
+        Raises:
+            StoreError: The id belongs to a run with another plan, or the record cannot be written.
+        """
+        with self._session("record the run", writes=True) as session:
+            values = run_values(run)
+            if run.status is RunStatus.RUNNING:
+                values["finished_at"] = None
+            known = session.execute(select(_RUNS.plan_key).where(_RUNS.run_id == values["run_id"])).scalar()
+            if known is None:
+                session.execute(insert(StoredRun).values(values))
+            elif known == run.plan_key:
+                session.execute(update(StoredRun).where(_RUNS.run_id == values["run_id"]).values(values))
+            else:
+                raise StoreError(f"{self._database}: run '{run.run_id}' is there already and has another plan")
+
+    def finish_run(self, run_id: str, status: RunStatus, finished_at: str | None = None) -> None:
+        """Record how and when (by default now) a run ended.
+
+        Raises:
+            StoreError: There is no such run, or it cannot be written.
+        """
+        end = finished_at or dt.datetime.now(dt.UTC).isoformat(timespec="seconds")
+        with self._session("record the run's end", writes=True) as session:
+            values = {"status": RunStatus(status).value, "finished_at": end}
+            done = session.execute(update(StoredRun).where(_RUNS.run_id == run_id).values(values))
+            if done.rowcount == 0:  # type: ignore[attr-defined]
+                raise StoreError(f"{self._database}: has no run '{run_id}'")
+
+    def runs(self) -> list[RunRecord]:
+        """Return all runs, newest first."""
+        return self._runs()
+
+    def find_run(self, selector: str) -> RunRecord:
+        """Return the run that a user names by its id, a unique beginning of it, or ``latest``.
+
+        Raises:
+            StoreError: No run or several runs are named so; the message lists what could be meant.
+        """
+        runs = self.runs()
+        if not runs:
+            raise StoreError(f"{self.folder}: holds no run yet; `shadowbench run` makes one")
+        if selector == LATEST:
+            return runs[0]
+        found = [run for run in runs if run.run_id == selector] or [
+            run for run in runs if selector and run.run_id.startswith(selector)
+        ]
+        if len(found) == 1:
+            return found[0]
+        if found:
+            listed = ", ".join(run.run_id for run in found[:6]) + (", ..." if len(found) > 6 else "")
+            raise StoreError(f"{len(found)} runs in {self.folder} begin with '{selector}': {listed}")
+        hint = did_you_mean(selector, [*(run.run_id for run in runs), LATEST], noun="run")
+        raise StoreError(f"no run in {self.folder} is called '{selector}'; {hint}")
+
+    def last_run(self, plan_key: str) -> RunRecord | None:
+        """Return the newest run of a plan, or ``None``."""
+        return next(iter(self._runs(_RUNS.plan_key == plan_key)), None)
+
+    def unfinished_run(self, plan_key: str) -> RunRecord | None:
+        """Return the newest run of a plan that is not complete (running, interrupted or failed), or ``None``."""
+        unfinished = _RUNS.status != RunStatus.COMPLETE.value
+        return next(iter(self._runs(_RUNS.plan_key == plan_key, unfinished)), None)
+
+    def _runs(self, *conditions: Any) -> list[RunRecord]:
+        newest_first = (_RUNS.created_at.desc(), _RUNS.id.desc())
+        with self._session("read the runs") as session:
+            found = session.execute(select(StoredRun.__table__).where(*conditions).order_by(*newest_first))
+            return [run_from(values) for values in found.mappings()]
+
+    # Rows
+
+    def add_row(self, row: ResultRow) -> None:
+        """Keep a row with all that belongs to it: wholly or not at all, and on the disk before this returns.
+
+        The row of a case that the same run and experiment have already takes the earlier one's place: a case that is
+        measured again counts once, and the last measurement stands.
+
+        Raises:
+            StoreError: Its run was not started, or the row cannot be written.
+        """
+        with self._session("add a row", writes=True) as session:
+            values = row_values(row)
+            if session.execute(select(_RUNS.id).where(_RUNS.run_id == values["run_id"])).scalar() is None:
+                raise StoreError(f"{self._database}: has no run '{row.run_id}' to add a row to")
+            same_case = (
+                _ROWS.run_id == values["run_id"],
+                _ROWS.experiment == values["experiment"],
+                _ROWS.case_key == values["case_key"],
+            )
+            earlier = session.execute(select(_ROWS.id).where(*same_case)).scalar()
+            if earlier is not None:
+                session.execute(delete(StoredRow).where(_ROWS.id == earlier))
+                values["id"] = earlier
+            added = session.execute(insert(StoredRow).values(values).returning(_ROWS.id)).scalar_one()
+            for table, lines in long_values(row, added).items():
+                if lines:
+                    session.execute(insert(LONG_MODELS[table]), lines)
+
+    def rows(self, run_id: str, experiment: str | None = None) -> list[ResultRow]:
+        """Return a run's rows in the order in which their cases were first added.
+
+        Args:
+            run_id: The run's full id; one that is not there has no rows.
+            experiment: Only this experiment's rows.
+        """
+        wanted = [_ROWS.run_id == run_id]
+        if experiment is not None:
+            wanted.append(_ROWS.experiment == experiment)
+        with self._session("read the rows") as session:
+            long: dict[int, dict[str, list[tuple[str, Any]]]] = {}
+            for table, model in LONG_MODELS.items():
+                columns = model.__table__.c  # type: ignore[attr-defined]
+                lines = (
+                    select(columns.row_id, columns.name, columns.value)
+                    .join(StoredRow.__table__, _ROWS.id == columns.row_id)
+                    .where(*wanted)
+                    .order_by(*model.__table__.primary_key)  # type: ignore[attr-defined]
+                )
+                for row_id, name, value in session.execute(lines):
+                    long.setdefault(row_id, {}).setdefault(table, []).append((name, value))
+            found = session.execute(select(StoredRow.__table__).where(*wanted).order_by(_ROWS.id))
+            return [row_from(values, long.get(values["id"], {})) for values in found.mappings()]
+
+    def finished_case_keys(self, run_id: str, experiment: str | None = None) -> set[str]:
+        """Return the keys of the cases of a run (or of one of its experiments) that have a row."""
+        wanted = select(_ROWS.case_key).where(_ROWS.run_id == run_id)
+        if experiment is not None:
+            wanted = wanted.where(_ROWS.experiment == experiment)
+        with self._session("read the rows") as session:
+            return set(session.execute(wanted).scalars())
+
+    def outcome_counts(self, run_id: str) -> dict[Outcome, int]:
+        """Return how many of a run's rows have each outcome; outcomes that none has are left out."""
+        counted = select(_ROWS.outcome, func.count()).where(_ROWS.run_id == run_id).group_by(_ROWS.outcome)
+        with self._session("count the rows") as session:
+            found = {Outcome(outcome): count for outcome, count in session.execute(counted)}
+        return {outcome: found[outcome] for outcome in Outcome if outcome in found}
+
+    # Pictures and masks
+
+    def put_artifact(self, content: bytes, suffix: str) -> str:
+        """Keep a picture or mask and return its name; see :meth:`ArtifactFolder.put`."""
+        return self.artifacts.put(content, suffix)
+
+    def artifact(self, name: str) -> bytes:
+        """Return a picture or mask, checked against its name; see :meth:`ArtifactFolder.get`."""
+        return self.artifacts.get(name)

@@ -1,0 +1,134 @@
+"""A column's name -> its value in a row, its unit, and what its header says.
+
+======================== =====================================================================================
+name                     value
+======================== =====================================================================================
+``build_ms`` ...         a column of :class:`~shadowbench.rows.ResultRow`
+``method``, ``scene``    a label: the name, and those parameters that tell the table's cases apart
+``size``                 ``1024x768``
+``case``                 the beginning of the case's key
+``method.P``, ``scene.P``  a parameter of the method or of the scene
+``P``                    the method's parameter or, if it has none of that name, the scene's
+``stages.N``             the duration of a stage; ``counters.N`` and ``kept.N`` likewise
+``measure``              in ``index`` only: each of the table's values gets a line of its own
+======================== =====================================================================================
+
+The same dotted names are the columns of :func:`shadowbench.load_results`.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable
+from enum import StrEnum
+from typing import Any
+
+from shadowbench.rows import LONG_FIELDS, LONG_UNITS, ResultRow, column_unit
+from shadowbench.tables.numbers import shown_unit
+
+Scalar = str | int | float | bool | None
+
+MEASURE = "measure"
+
+ROW_COLUMNS = tuple(name for name in ResultRow.model_fields if name not in LONG_FIELDS)
+"""The columns that a row has itself."""
+
+_LONG_NUMBERS = ("stages", "counters", "kept")
+_NAMES = {
+    "bytes_kept": "kept",
+    "peak_rss_bytes": "peak memory",
+    "rmse": "RMSE",
+    "ssim": "SSIM",
+    "flip": "FLIP",
+    "leak_p99": "leak 99th percentile",
+}
+
+
+def value_of(row: ResultRow, name: str) -> Scalar:
+    """Return a row's value under ``name``, ``None`` where it has none. Labels are :mod:`.labels`'s business."""
+    if name in ROW_COLUMNS:
+        return scalar(getattr(row, name))
+    if name == "size":
+        return f"{row.width}x{row.height}"
+    if name == "case":
+        return row.case_key[:12]
+    owner, _, inner = name.partition(".")
+    if inner and owner in _LONG_NUMBERS:
+        return scalar(getattr(row, owner).get(inner))
+    if inner and owner in ("method", "scene"):
+        return scalar(getattr(row, f"{owner}_parameters").get(inner))
+    return scalar(row.method_parameters.get(name, row.scene_parameters.get(name)))
+
+
+def is_known(name: str, rows: Iterable[ResultRow]) -> bool:
+    """Return whether ``name`` means something for any of ``rows``."""
+    if is_value_column(name) or name in ("size", "case", MEASURE):
+        return True
+    return name.removeprefix("method.").removeprefix("scene.") in parameter_names(rows)
+
+
+def is_value_column(name: str) -> bool:
+    """Return whether ``name`` may stand among a layout's values."""
+    owner, _, inner = name.partition(".")
+    return name in ROW_COLUMNS or bool(inner and owner in _LONG_NUMBERS)
+
+
+def parameter_names(rows: Iterable[ResultRow]) -> list[str]:
+    """Return the names of all parameters of the rows' methods and scenes, in order of appearance."""
+    return list(
+        dict.fromkeys(name for row in rows for p in (row.method_parameters, row.scene_parameters) for name in p)
+    )
+
+
+def interval_of(row: ResultRow, name: str) -> tuple[float, float] | None:
+    """Return the 95 % interval of a value, or ``None`` for one that has none."""
+    low, high = getattr(row, f"{name}_low", None), getattr(row, f"{name}_high", None)
+    return None if low is None or high is None else (low, high)
+
+
+def unit_of(name: str) -> str:
+    """Return the unit of a column's values, empty for text and parameters."""
+    if name in ROW_COLUMNS:
+        return column_unit(name)
+    owner, _, inner = name.partition(".")
+    return LONG_UNITS[owner] if inner and owner in _LONG_NUMBERS else ""
+
+
+def header_text(name: str) -> str:
+    """Return what a header says, without the unit: ``build_ms`` -> ``build``.
+
+    A percentage and its count differ in the header's unit: ``false lit [%]``, ``false lit [count]``.
+    """
+    if name in _NAMES:
+        return _NAMES[name]
+    owner, _, inner = name.partition(".")
+    if inner and owner in (*_LONG_NUMBERS, "method", "scene"):
+        return inner
+    if name in ROW_COLUMNS:
+        for ending in ("_ms", "_percent", "_count"):
+            name = name.removesuffix(ending)
+    return name.replace("_", " ")
+
+
+def header_unit(name: str) -> str:
+    """Return the unit that a header shows, empty for none."""
+    return "count" if name in ROW_COLUMNS and name.endswith("_count") else shown_unit(unit_of(name))
+
+
+def finite(value: Any) -> Any:
+    """Return a JSON value with ``None`` for every number in it that is not finite."""
+    if isinstance(value, dict):
+        return {key: finite(inner) for key, inner in value.items()}
+    if isinstance(value, list):
+        return [finite(inner) for inner in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def scalar(value: Any) -> Scalar:
+    """Return what a cell can hold of ``value``: lists and mappings as JSON."""
+    if isinstance(value, StrEnum):
+        return value.value
+    if value is None or isinstance(value, str | int | float):
+        return value
+    return json.dumps(value, default=str)

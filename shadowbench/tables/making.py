@@ -1,0 +1,199 @@
+"""Rows and a layout -> a table: one place for every case, whatever its outcome, and nothing that no row holds."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+
+from shadowbench.errors import UsageError, did_you_mean
+from shadowbench.experiment import TableLayout
+from shadowbench.rows import Outcome, ResultRow, RunRecord, RunStatus
+from shadowbench.tables.columns import (
+    MEASURE,
+    Scalar,
+    header_text,
+    header_unit,
+    interval_of,
+    is_known,
+    parameter_names,
+    scalar,
+    unit_of,
+    value_of,
+)
+from shadowbench.tables.labels import Labels
+from shadowbench.tables.layout import (
+    SETTING,
+    Layouts,
+    check_layout,
+    completed_index,
+    default_layout,
+    layouts_of,
+)
+from shadowbench.tables.plain_text import LONGEST_NOTE, plain, shortened
+from shadowbench.tables.table import Cell, Header, Table
+
+_MOST_WARNINGS = 10
+
+_UNFINISHED = {
+    RunStatus.RUNNING: "the run has not ended",
+    RunStatus.INTERRUPTED: "the run was interrupted",
+    RunStatus.FAILED: "the run broke off",
+}
+
+
+def make_tables(
+    rows: Sequence[ResultRow],
+    layouts: Layouts | None = None,
+    run: RunRecord | None = None,
+    experiment: str | None = None,
+) -> list[Table]:
+    """Lay out tables; see :func:`shadowbench.tables.make`."""
+    if layouts is None:
+        layouts = layouts_of(run) if run is not None else {}
+    names = list(dict.fromkeys([*(run.experiments if run is not None else ()), *(row.experiment for row in rows)]))
+    if experiment is not None:
+        if experiment not in names:
+            raise UsageError(
+                f"the run has no experiment '{experiment}'; {did_you_mean(experiment, names, noun='experiment')}"
+            )
+        names = [experiment]
+    tables: list[Table] = []
+    for name in names:
+        own = [row for row in rows if row.experiment == name]
+        title, case_count = _asked_for(name, run)
+        own_layouts = layouts.get(name) or [default_layout(own, title)]
+        tables += [_Making(own, layout, name, run, case_count).table() for layout in own_layouts]
+    return tables
+
+
+def _asked_for(experiment: str, run: RunRecord | None) -> tuple[str, int | None]:
+    """Return an experiment's title and its number of planned cases, as far as the run knows them."""
+    if run is None:
+        return experiment, None
+    found = next((d for d in run.definitions if d.get("name") == experiment), {})
+    count = found.get("case_count", run.case_count if run.experiments == [experiment] else None)
+    return str(found.get("title") or experiment), count
+
+
+class _Making:
+    """The making of one table."""
+
+    def __init__(
+        self, rows: Sequence[ResultRow], layout: TableLayout, experiment: str, run: RunRecord | None, count: int | None
+    ) -> None:
+        check_layout(layout)
+        self.rows, self.layout, self.experiment, self.run, self.case_count = rows, layout, experiment, run, count
+        columns = (*layout.index, *([layout.columns] if layout.columns else []))
+        defaults = run.method_defaults if run is not None else {}
+        self.labels = {
+            "method": Labels("method", rows, with_columns=columns, defaults=defaults),
+            "scene": Labels("scene", rows, with_columns=columns),
+        }
+        self.index = completed_index(layout, rows, self.named)
+        self.reasons: dict[tuple[Outcome, str], int] = {}
+
+    def named(self, row: ResultRow, column: str) -> Scalar:
+        """Return a row's value in an index or pivot column."""
+        return self.labels[column].of(row) if column in self.labels else value_of(row, column)
+
+    def table(self) -> Table:
+        """Put each case's values at their places."""
+        slots = list(dict.fromkeys((pivot, self.slot(name)) for pivot in self.pivots() for name in self.layout.values))
+        lines: dict[tuple[Scalar, ...], dict[tuple[Scalar, str], Cell]] = {}
+        for row in self.rows:
+            pivot = self.pivot(row)
+            for name in self.layout.values:
+                place = tuple(name if c == MEASURE else self.named(row, c) for c in self.index)
+                lines.setdefault(place, {})[pivot, self.slot(name)] = self.cell(row, name)
+        body = tuple(
+            (
+                *(_index_cell(part, column) for part, column in zip(place, self.index, strict=True)),
+                *(cells.get(slot, Cell()) for slot in slots),
+            )
+            for place, cells in lines.items()
+        )
+        return Table(
+            title=self.title(),
+            experiment=self.experiment,
+            run_id=self.run.run_id if self.run is not None else next((row.run_id for row in self.rows), ""),
+            index=tuple(Header(name, name, header_text(name), header_unit(name)) for name in self.index),
+            values=tuple(self.header(pivot, name) for pivot, name in slots),
+            body=body,
+            notes=tuple(plain(shortened(note, LONGEST_NOTE)) for note in self.notes()),
+            rows=tuple(self.rows),
+        )
+
+    def slot(self, name: str) -> str:
+        """Return the column that a value stands in: its own, or the one for all where each has a line."""
+        return "" if MEASURE in self.index else name
+
+    def pivot(self, row: ResultRow) -> Scalar:
+        """Return the row's value in the layout's pivot column."""
+        return None if self.layout.columns is None else self.named(row, self.layout.columns)
+
+    def pivots(self) -> list[Scalar]:
+        """Return the values that become columns: numbers by size, others as they appear."""
+        found = list(dict.fromkeys(self.pivot(row) for row in self.rows)) or [None]
+        numbers = [value for value in found if isinstance(value, int | float)]
+        return [*sorted(numbers)] if len(numbers) == len(found) else found
+
+    def header(self, pivot: Scalar, name: str) -> Header:
+        """Return the heading of a value's column."""
+        if self.layout.columns is None:
+            return Header(name, name or "value", header_text(name) or "value", header_unit(name))
+        shown = "none" if pivot is None else f"{pivot:g}" if isinstance(pivot, float) else str(pivot)
+        group = f"{header_text(self.layout.columns)}={shown}"
+        full = f"{name}[{self.layout.columns}={shown}]" if name else f"{self.layout.columns}={shown}"
+        return Header(name, full, header_text(name), header_unit(name), group)
+
+    def cell(self, row: ResultRow, name: str) -> Cell:
+        """Return a value, or for a case that is not ok its outcome in the place of its first value."""
+        if row.outcome is Outcome.OK:
+            return Cell(scalar(value_of(row, name)), unit_of(name), interval_of(row, name))
+        if name != self.layout.values[0]:
+            return Cell()
+        note = self.reasons.setdefault((row.outcome, row.reason), len(self.reasons) + 1)
+        return Cell(outcome=row.outcome, reason=row.reason, note=note)
+
+    def title(self) -> str:
+        """Return the heading, with what is missing."""
+        title = plain(shortened(self.layout.title, LONGEST_NOTE))
+        if self.case_count is not None and len(self.rows) < self.case_count:
+            return f"{title} (partial: {len(self.rows)} of {self.case_count} cases)"
+        return title
+
+    def notes(self) -> list[str]:
+        """Return what is said below the table."""
+        notes = []
+        shared = [self.shared(name) for name in SETTING if name not in (*self.index, self.layout.columns)]
+        if any(shared):
+            notes.append("all cases: " + ", ".join(filter(None, shared)))
+        if self.run is not None and self.run.status in _UNFINISHED:
+            notes.append(f"{_UNFINISHED[self.run.status]}; cases may be missing")
+        for name in (*self.layout.index, *([self.layout.columns] if self.layout.columns else [])):
+            if self.rows and not is_known(name, self.rows):
+                hint = did_you_mean(name, parameter_names(self.rows), noun="parameter")
+                notes.append(f"no case has '{name}'; {hint}")
+        for (outcome, reason), number in self.reasons.items():
+            notes.append(f"[{number}] {outcome.value}: {reason or 'no reason given'}")
+        warnings = Counter(warning for row in self.rows for warning in dict.fromkeys(row.warnings))
+        for warning, count in list(warnings.items())[:_MOST_WARNINGS]:
+            notes.append(f"warning ({count} case{'s' if count > 1 else ''}): {warning}")
+        if len(warnings) > _MOST_WARNINGS:
+            notes.append(f"{len(warnings) - _MOST_WARNINGS} more warnings; --format csv holds them all")
+        return notes
+
+    def shared(self, name: str) -> str:
+        """Return a setting that all cases have in common, as ``threads 2``, or an empty string."""
+        found = {self.named(row, name) for row in self.rows}
+        value = found.pop() if len(found) == 1 else ""
+        if value == "":
+            return ""
+        return str(value) if name == "size" else f"{name} {value}"
+
+
+def _index_cell(value: Scalar, column: str) -> Cell:
+    if column != MEASURE:
+        return Cell(value, unit_of(column))
+    name, unit = header_text(str(value)), header_unit(str(value))
+    return Cell(value, shown=f"{name} [{unit}]" if unit else name)

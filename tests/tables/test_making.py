@@ -1,0 +1,218 @@
+"""Every case has its place in a table, and every number in a table is in a row."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from shadowbench import tables
+from shadowbench.errors import ExperimentError, UsageError
+from shadowbench.experiment import TableLayout
+from shadowbench.rows import Outcome
+from shadowbench.tables.table import Table
+
+
+def _grid(table: Table, **how: bool) -> list[list[str]]:
+    return [[cell.text(**how) for cell in line] for line in table.body]
+
+
+def _headers(table: Table) -> list[str]:
+    return [header.line() for header in table.headers]
+
+
+def _one(rows: Any, layout: TableLayout | None = None, run: Any = None) -> Table:
+    layouts = None if layout is None else {"quick": [layout]}
+    (table,) = tables.make(rows, layouts, run)
+    return table
+
+
+def test_the_default_table_has_what_varies_the_method_and_what_was_measured(make_row: Any) -> None:
+    rows = [
+        make_row(light=light, method=method, build_ms=1.25, failure_percent=0.001, bytes_kept=2**20)
+        for light in ("sun", "lamp")
+        for method in ("pcf", "vsm")
+    ]
+    table = _one(rows)
+    assert _headers(table) == ["light", "method", "build [ms]", "kept [MiB]", "failure [%]"]
+    assert _grid(table)[1] == ["sun", "vsm", "1.25", "1.000", "<0.01"]
+    assert table.notes == ("all cases: scene bunny, camera main, 64x48, device cpu, threads 2",)
+    assert (table.title, table.experiment, table.run_id) == ("quick", "quick", "run-1")
+
+
+def test_a_layout_names_lines_and_values(make_row: Any) -> None:
+    rows = [
+        make_row(method_parameters={"resolution": r, "kernel": 3}, shade_ms=float(r), counters={"texels": r * r})
+        for r in (512, 1024)
+    ]
+    table = _one(rows, TableLayout("T", ("method", "resolution"), ("counters.texels", "shade_ms", "rmse")))
+    assert _headers(table) == ["method", "resolution", "texels", "shade [ms]", "RMSE"]
+    assert _grid(table, thousands=True) == [
+        ["pcf", "512", "262,144", "512", ""],
+        ["pcf", "1024", "1,048,576", "1,024", ""],
+    ]
+
+
+def test_a_pivot_puts_values_side_by_side_in_the_order_of_numbers(make_row: Any) -> None:
+    rows = [
+        make_row(method=method, triangles=n, build_ms=float(n), shade_ms=1.0)
+        for method in ("pcf", "vsm")
+        for n in (100_000, 1000)
+        if (method, n) != ("vsm", 1000)
+    ]
+    table = _one(rows, TableLayout("T", ("method",), ("build_ms", "shade_ms"), "triangles"))
+    assert _headers(table) == [
+        "method",
+        "triangles=1000: build [ms]",
+        "triangles=1000: shade [ms]",
+        "triangles=100000: build [ms]",
+        "triangles=100000: shade [ms]",
+    ]
+    assert [header.name for header in table.values][::2] == ["build_ms[triangles=1000]", "build_ms[triangles=100000]"]
+    assert _grid(table) == [["pcf", "1000", "1.00", "100000", "1.00"], ["vsm", "", "", "100000", "1.00"]]
+
+
+def test_measures_can_be_the_lines_as_in_the_papers(make_row: Any) -> None:
+    rows = [
+        make_row(triangles=n, scene_parameters={"triangles": n}, counters={"nodes visited": 5 * n}, bytes_kept=n)
+        for n in (2**20, 2**21)
+    ]
+    table = _one(rows, TableLayout("T", ("measure",), ("counters.nodes visited", "bytes_kept"), "triangles"))
+    assert _headers(table) == ["measure", "triangles=1048576", "triangles=2097152"]
+    assert _grid(table) == [["nodes visited", "5242880", "10485760"], ["kept [MiB]", "1.000", "2.000"]]
+
+
+@pytest.mark.parametrize("outcome", [outcome for outcome in Outcome if outcome is not Outcome.OK])
+def test_a_case_that_is_not_ok_stands_in_its_place_without_a_number(make_row: Any, outcome: Outcome) -> None:
+    rows = [
+        make_row(method="a", build_ms=1.0, shade_ms=2.0),
+        make_row(method="b", build_ms=3.0, shade_ms=4.0, outcome=outcome, reason="it\nbroke"),
+        make_row(method="c", build_ms=5.0, shade_ms=6.0),
+        make_row(method="d", outcome=outcome, reason="it\nbroke"),
+        make_row(method="e", outcome=outcome),
+    ]
+    table = _one(rows, TableLayout("T", ("method",), ("build_ms", "shade_ms")))
+    assert _grid(table) == [
+        ["a", "1.00", "2.00"],
+        ["b", f"{outcome} [1]", ""],
+        ["c", "5.00", "6.00"],
+        ["d", f"{outcome} [1]", ""],
+        ["e", f"{outcome} [2]", ""],
+    ]
+    assert table.notes[1:] == (f"[1] {outcome}: it\\nbroke", f"[2] {outcome}: no reason given")
+    assert [line[1].is_failure for line in table.body] == [False, outcome.is_failure, False, *[outcome.is_failure] * 2]
+
+
+def test_a_failure_stands_in_its_place_of_a_pivot(make_row: Any) -> None:
+    rows = [make_row(triangles=1, build_ms=1.0), make_row(triangles=2, outcome="timeout", reason="60 s")]
+    table = _one(rows, TableLayout("T", ("method",), ("build_ms", "shade_ms"), "triangles"))
+    assert _grid(table) == [["pcf", "1.00", "", "timeout [1]", ""]]
+
+
+def test_an_index_that_does_not_tell_cases_apart_is_completed(make_row: Any) -> None:
+    rows = [
+        make_row(camera=camera, method_parameters={"kernel": k}, build_ms=1.0)
+        for camera in ("near", "far")
+        for k in (3, 7)
+    ]
+    table = _one(rows, TableLayout("T", ("scene",), ("build_ms",)))
+    assert _headers(table)[:3] == ["scene", "method", "camera"]
+    assert len({tuple(line[:3]) for line in _grid(table)}) == 4
+
+
+def test_cases_that_differ_in_nothing_shown_are_told_apart_by_their_keys(make_row: Any) -> None:
+    rows = [make_row(quality_key=key, build_ms=1.0) for key in "ab"]
+    table = _one(rows, TableLayout("T", ("method",), ("build_ms",)))
+    assert _grid(table) == [["pcf", rows[0].case_key, "1.00"], ["pcf", rows[1].case_key, "1.00"]]
+
+
+def test_a_partial_run_says_so_in_the_title_and_why_below(make_row: Any, make_run: Any) -> None:
+    run = make_run(
+        experiments=["quick", "tour"],
+        status="interrupted",
+        case_count=9,
+        definitions=[
+            {"name": "quick", "title": "Quick look", "case_count": 3},
+            {"name": "tour", "title": "", "case_count": 6},
+        ],
+    )
+    quick, tour = tables.make([make_row(build_ms=1.0)], None, run)
+    assert quick.title == "Quick look (partial: 1 of 3 cases)"
+    assert "the run was interrupted; cases may be missing" in quick.notes
+    assert tour.title == "tour (partial: 0 of 6 cases)"
+    assert tour.body == ()
+    (only,) = tables.make([make_row(build_ms=1.0)], None, run, experiment="quick")
+    assert only.title == quick.title
+    with pytest.raises(UsageError, match=r"no experiment 'toor'; did you mean 'tour'\?"):
+        tables.make([], None, run, experiment="toor")
+
+
+def test_a_run_of_one_experiment_needs_no_definition_to_be_known_as_partial(make_row: Any, make_run: Any) -> None:
+    assert _one([make_row()], run=make_run(case_count=2)).title == "quick (partial: 1 of 2 cases)"
+    assert _one([make_row()], run=make_run(case_count=1)).title == "quick"
+
+
+def test_layouts_come_from_the_run_unless_others_are_given(make_row: Any, make_run: Any) -> None:
+    stored = {"title": "Stored", "index": ["method"], "values": ["build_ms"], "columns": None}
+    run = make_run(definitions=[{"name": "quick", "title": "Quick", "tables": [stored, stored]}])
+    rows = [make_row(build_ms=1.0)]
+    assert [table.title for table in tables.make(rows, None, run)] == ["Stored", "Stored"]
+    assert [t.title for t in tables.make(rows, {"quick": [TableLayout("G", ("method",), ("build_ms",))]}, run)] == ["G"]
+    broken = make_run(definitions=[{"name": "quick", "tables": [{"title": "no index"}]}])
+    with pytest.raises(ExperimentError, match="a stored table layout cannot be used: KeyError"):
+        tables.make(rows, None, broken)
+
+
+def test_tables_follow_the_runs_order_of_experiments(make_row: Any, make_run: Any) -> None:
+    rows = [make_row(experiment=name) for name in ("b", "a", "c")]
+    assert [t.experiment for t in tables.make(rows, None, make_run(experiments=["a", "b"]))] == ["a", "b", "c"]
+    assert [t.experiment for t in tables.make(rows)] == ["b", "a", "c"]
+    assert tables.make([]) == []
+
+
+def test_names_that_no_case_has_are_noted_and_wrong_values_refused(make_row: Any) -> None:
+    rows = [make_row(method_parameters={"resolution": 512}, build_ms=1.0)]
+    table = _one(rows, TableLayout("T", ("method", "resolutoin"), ("build_ms",), "kernel"))
+    assert "no case has 'resolutoin'; did you mean 'resolution'?" in table.notes
+    assert "no case has 'kernel'; known parameters: resolution" in table.notes
+    assert _grid(table) == [["pcf", "", "1.00"]]
+    with pytest.raises(ExperimentError, match=r"table 'T': no value is called 'bild_ms'; did you mean 'build_ms'\?"):
+        _one(rows, TableLayout("T", ("method",), ("bild_ms",)))
+    with pytest.raises(ExperimentError, match="table 'T': needs at least one value"):
+        _one(rows, TableLayout("T", ("method",), ()))
+    with pytest.raises(ExperimentError, match="'measure' may stand in its index"):
+        _one(rows, TableLayout("T", ("method",), ("build_ms",), "measure"))
+
+
+def test_each_warning_is_noted_once_with_its_number_of_cases(make_row: Any) -> None:
+    rows = [make_row(warnings=["same", f"own {i}", "same"], build_ms=1.0) for i in range(12)]
+    notes = _one(rows).notes
+    assert "warning (12 cases): same" in notes
+    assert "warning (1 case): own 0" in notes
+    assert notes[-1] == "3 more warnings; --format csv holds them all"
+
+
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(drawn=st.data())
+def test_every_case_has_one_place_and_every_number_is_a_rows(make_row: Any, drawn: st.DataObject) -> None:
+    choices: dict[str, list[Any]] = {
+        "scene": ["bunny", "box"],
+        "light": ["sun", "lamp"],
+        "method": ["pcf", "vsm"],
+        "threads": [1, 2],
+        "outcome": list(Outcome),
+    }
+    rows = []
+    for number in range(1, drawn.draw(st.integers(1, 12)) + 1):
+        fields = {name: drawn.draw(st.sampled_from(values)) for name, values in choices.items()}
+        parameters = {"kernel": drawn.draw(st.sampled_from([3, 7]))}
+        rows.append(make_row(build_ms=float(number), method_parameters=parameters, **fields))
+    index = tuple(drawn.draw(st.lists(st.sampled_from(["scene", "light", "threads", "kernel"]), unique=True)))
+    pivot = drawn.draw(st.sampled_from([None, "method", "threads", "kernel", "scene"]))
+    cells = [cell for line in _one(rows, TableLayout("T", index, ("build_ms",), pivot)).body for cell in line]
+    outcomes = sorted(cell.outcome for cell in cells if cell.outcome is not None)
+    assert outcomes == sorted(row.outcome for row in rows if row.outcome is not Outcome.OK)
+    measured = sorted(cell.value for cell in cells if cell.unit == "ms" and cell.value is not None)
+    assert measured == [row.build_ms for row in rows if row.outcome is Outcome.OK]
