@@ -17,7 +17,7 @@ from pydantic import BaseModel, ValidationError
 
 from shadowbench.camera_pass import render
 from shadowbench.errors import ShadowbenchError
-from shadowbench.light_space import camera_frame, is_in_field_of_view
+from shadowbench.light_space import camera_frame
 from shadowbench.method import Changes, Context, Method, Trace, View
 from shadowbench.parameters import describe_parameters
 from shadowbench.receivers import Receivers
@@ -116,7 +116,7 @@ def _result_breaches(
     if first.dtype != np.float32 or first.shape not in ((receivers.count,), (receivers.count, 3)):
         yield f"visibility is {first.dtype} of shape {first.shape}"
         return
-    yield from visibility_breaches(first, receivers, is_in_field_of_view(light, receivers.position))
+    yield from visibility_breaches(first, receivers)
     for counter in trace.counters.keys() - cls.counters.keys():
         yield f"counter '{counter}' is not described in the class attribute 'counters'"
     if not trace.stages:
@@ -133,15 +133,12 @@ def _result_breaches(
             yield f"{what} changes the bytes kept from {trace.bytes_by_name()} to {other_trace.bytes_by_name()}"
 
 
-def visibility_breaches(
-    visibility: NDArray[np.float32], receivers: Receivers, in_field: NDArray[np.bool_]
-) -> Iterator[str]:
-    """Yield what is wrong with a result: unwritten or NaN, out of range, lit where the light cannot reach.
+def visibility_breaches(visibility: NDArray[np.float32], receivers: Receivers) -> Iterator[str]:
+    """Yield what is wrong with a result: unwritten or NaN, or out of range.
 
     Args:
         visibility: Shape [n] or [n, 3].
         receivers: Only valid ones are looked at.
-        in_field: Which receivers lie in the light's field of view, shape [n].
     """
     channels = visibility.reshape(receivers.count, -1)
     unset = receivers.valid & np.isnan(channels).any(axis=1)
@@ -151,9 +148,6 @@ def visibility_breaches(
     if outside.any():
         worst = channels[outside].reshape(-1)[np.abs(channels[outside].reshape(-1) - 0.5).argmax()]
         yield f"{int(outside.sum())} valid receivers are outside [0, 1], for instance {float(worst):g}"
-    leaked = receivers.valid & ~in_field & (channels > 0.0).any(axis=1)
-    if leaked.any():
-        yield f"{int(leaked.sum())} receivers outside the light's field of view are lit"
 
 
 def _run(

@@ -146,7 +146,8 @@ class Method(ABC):
 
     * ``shade`` writes every valid receiver: 1 lit, 0 shadowed, between for filtered; never NaN.
     * The same bits come out on every repeat and for every thread count, and so do the counters.
-    * A receiver outside the light's field of view gets visibility 0.
+    * A receiver outside the light's field of view is shadowed, whatever the method writes there: it is not scored, and
+      the harness sets it to 0 before it measures and draws.
     * What was reported through ``trace.keep`` in ``build`` is what ``shade`` needs alive.
     """
 

@@ -71,6 +71,8 @@ def describe_parameters(model: type[BaseModel]) -> list[dict[str, str]]:
     for name, info in model.model_fields.items():
         extra = info.json_schema_extra if isinstance(info.json_schema_extra, dict) else {}
         default = "required" if info.default is PydanticUndefined else str(info.default)
+        if isinstance(info.default, bool):
+            default = default.lower()  # as it is written on a command line
         described.append(
             {
                 "name": name,

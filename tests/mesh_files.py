@@ -5,11 +5,16 @@ from __future__ import annotations
 import base64
 import json
 import struct
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from hypothesis import strategies as st
 from numpy.typing import NDArray
+
+from shadowbench.errors import SceneError
+from shadowbench.scenes.formats.polygons import Polygons, check, triangulate
 
 VERTICES = np.array([(1, 2, 3), (5, 2, 3), (1, 8, 3), (1, 2, 4), (4.5, 6.25, 3.5)], np.float64)
 TRIANGLES = np.array([(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 4, 3), (3, 4, 2), (1, 2, 4)], np.int32)
@@ -58,7 +63,7 @@ def ply(
         lines += [" ".join(map(str, [len(face), *face])) for face in faces]
         return header + ("\n".join(lines) + "\n").encode()
     order = "<" if form == "binary_little_endian" else ">"
-    body = np.asarray(vertices).astype(order + ("f8" if scalar == "double" else "f4")).tobytes()
+    body = np.asarray(vertices).astype(order + ("f8" if scalar in ("double", "float64") else "f4")).tobytes()
     return header + body + b"".join(struct.pack(f"{order}B{len(face)}i", len(face), *face) for face in faces)
 
 
@@ -152,3 +157,28 @@ def written(folder: Path, name: str, content: bytes | str) -> Path:
     path = folder / name
     path.write_bytes(content.encode() if isinstance(content, str) else content)
     return path
+
+
+CHANGES = st.lists(st.tuples(st.integers(0, 100_000), st.integers(0, 255)), min_size=1, max_size=6)
+"""Damage for :func:`changed`: places and new bytes."""
+
+
+def changed(content: bytes, changes: list[tuple[int, int]]) -> bytes:
+    """Overwrite single bytes."""
+    damaged = bytearray(content)
+    for place, value in changes:
+        damaged[place % len(damaged)] = value
+    return bytes(damaged)
+
+
+def require_mesh_or_error(read: Callable[[Path], Polygons], path: Path) -> None:
+    """A damaged file ends in one line, or in polygons that can be cut into triangles; in nothing else."""
+    message = ""
+    try:
+        polygons = read(path)
+        check(polygons, path)
+        triangulate(polygons)
+    except SceneError as error:
+        message = str(error)
+    assert "\n" not in message
+    assert not message or message.startswith(str(path))

@@ -57,13 +57,13 @@ def some_row(method: str = "pcf", **fields: Any) -> ResultRow:
     return ResultRow.model_validate(common | fields)
 
 
-def with_pictures(store: Store, row: ResultRow) -> ResultRow:
+def with_pictures(store: Store, row: ResultRow, size: tuple[int, int] = (64, 48)) -> ResultRow:
     """Return the row with a noisy result, a mask and a reference (one for all) in the store."""
     seed = int(row.case_key, 16)
     artifacts = {
-        "result": store.put_artifact(png(seed), "png"),
-        "failures": store.put_artifact(png(seed, painted=(20, 10)), "png"),
-        "reference": store.put_artifact(png(0), "png"),
+        "result": store.put_artifact(png(seed, size=size), "png"),
+        "failures": store.put_artifact(png(seed, painted=(20, 10), size=size), "png"),
+        "reference": store.put_artifact(png(0, size=size), "png"),
     }
     return row.model_copy(update={"artifacts": artifacts})
 

@@ -94,13 +94,6 @@ class _ByThread(_Trial):
         trace.count("work", self.context.threads)
 
 
-class _LitEverywhere(_Trial):
-    """Lights what the spot light cannot reach."""
-
-    def shade(self, receivers: Receivers, visibility: wp.array, trace: Trace) -> None:
-        visibility.fill_(1.0)
-
-
 class _Raises(_Trial):
     """Raises."""
 
@@ -123,7 +116,6 @@ class _Undeclared(_Trial):
         (_OutOfRange, "outside [0, 1], for instance 2"),
         (_Unsteady, "a second run changes 1 receivers"),
         (_ByThread, "two threads changes the counters"),
-        (_LitEverywhere, "outside the light's field of view are lit"),
         (_Raises, "RuntimeError: nothing works"),
         (_Undeclared, "parameter 'size' has no help"),
         (_Undeclared, "refuse unknown names"),

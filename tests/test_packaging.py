@@ -1,5 +1,6 @@
 """What is installed: the package list against the disk, the built wheel, and the two set-up commands."""
 
+import re
 import subprocess
 import sys
 import tomllib
@@ -77,3 +78,23 @@ def test_constraints_pin_every_direct_dependency_exactly() -> None:
     for requirement in requirements:
         name = requirement.split(">")[0].split("[")[0].lower()
         assert name == "shadowbench" or name in pinned, name
+
+
+def _set_up_commands() -> dict[str, str]:
+    found = re.findall(r"<!-- set-up: (\w+) -->\n```sh\n(.+)\n```", (ROOT / "README.md").read_text())
+    return dict(found)
+
+
+def test_the_readme_has_two_set_up_commands_of_one_line() -> None:
+    commands = _set_up_commands()
+    assert set(commands) == {"run", "tests"}
+    assert commands["run"].endswith("shadowbench run")
+    assert commands["tests"].endswith("pytest")
+    for command in commands.values():
+        assert "-c constraints.txt" in command
+
+
+def test_extras_that_the_readme_installs_exist() -> None:
+    for command in _set_up_commands().values():
+        (extra,) = re.findall(r"\.\[(\w+)\]", command)
+        assert extra in PYPROJECT["project"]["optional-dependencies"]

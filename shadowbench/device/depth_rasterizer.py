@@ -21,7 +21,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from shadowbench.device.depth_rasterizer_kernels import (
-    View,
+    Window,
     count_in_bands,
     fill_depth,
     fill_depth_and_ids,
@@ -33,13 +33,21 @@ from shadowbench.device.launch import Context, launch
 _BAND_BYTES = 1 << 19
 """Largest part of the buffers that a band holds: about a core's second-level cache."""
 
-_BANDS_PER_THREAD = 8
-"""Least number of bands for each of several threads, which evens out bands of unequal work."""
+_BANDS_PER_THREAD = 16
+_SHORTEST_BAND = 4
+"""Several threads get at least so many bands each, so that cuts between bands can even out the work, unless bands would
+have fewer rows: a triangle is set up anew in each band."""
 
 _BLOCKS_PER_THREAD = 4
 _SHORTEST_BLOCK = 1 << 12
 _SHORTEST_SORTING_BLOCK = 1 << 16
 """Least numbers of triangles worth handing to a thread: to find their bands (30 ns each), to sort them (5 ns each)."""
+
+_ENTRY_WORK, _TEXEL_WORK, _LEAST_BLOCK_WORK = 100.0, 0.5, 2.0e5
+"""Rough costs of drawing a triangle, of clearing and covering a texel; the least worth handing to a thread [ns]."""
+
+_CACHE_LINE = 16
+"""Numbers between the counters of two blocks, so that threads do not contend for a line of the cache."""
 
 _LARGEST_CHUNK = 1 << 20
 _MOST_ENTRIES = 1 << 25
@@ -52,7 +60,8 @@ class DepthRasterizer:
     A fragment's depth is that of its triangle at the texel's centre. It is clamped to the triangle's own range, which
     only matters for slivers seen edge-on, and to 0 from below: what lies between an orthographic light and its near
     plane casts from the plane. The nearest fragment is kept; of equally near ones, the first drawn. An empty texel has
-    depth 1, so that fragments at depth 1 or beyond are never kept. Triangles are drawn from both sides.
+    depth 1, so that fragments at depth 1 or beyond, their offset included, are never kept. Both sides of a triangle
+    are drawn.
 
     Args:
         width, height: Size of the buffer [texels], at least 1 each.
@@ -80,6 +89,7 @@ class DepthRasterizer:
             raise ValueError(f"depth must be contiguous with shape {(height, width)}, not {depth.shape}")
         self._depth = depth
         self._ids = wp.empty((height, width), dtype=wp.int32, device=context.device) if keep_ids else None
+        self._flat = [depth.flatten(), None if self._ids is None else self._ids.flatten()]
         self._is_clear_due = True
 
     @property
@@ -115,21 +125,23 @@ class DepthRasterizer:
             vertices: World positions, finite, wp.vec3, shape [vertex_count].
             triangles: Vertex indices, all valid, int32, shape [3 · triangle_count] or [triangle_count, 3].
             projection: Rows (u·w, v·w, depth, w), float64, shape [4, 4].
-            near: Distance w of the near plane, where triangles are clipped; ``None`` if w is 1 everywhere.
+            near: Distance w of the near plane, positive, where triangles are clipped; ``None`` if w is 1 everywhere.
             first_triangle: Added to the triangle's index for its number.
             slope_bias, constant_bias: Polygon offset: ``m · slope_bias + constant_bias`` is added to a fragment's
                 depth before it is compared and stored, m being the larger of the triangle's depth changes to the
                 next column and the next row.
+
+        Raises:
+            ValueError: ``near`` is not positive.
         """
-        ids = self._ids
         for chunk in self._bins.of(vertices, triangles, projection, near):
             launch(
-                fill_depth if ids is None else fill_depth_and_ids,
+                fill_depth if self._ids is None else fill_depth_and_ids,
                 self._bins.band_count,
                 inputs=[*chunk, first_triangle, slope_bias, constant_bias, self._is_clear_due],
-                outputs=[self._depth.flatten(), None if ids is None else ids.flatten()],
+                outputs=self._flat,
                 context=self._bins.context,
-                block_size=1,
+                cuts=self._bins.cuts,
             )
             self._is_clear_due = False
         self._clear_if_due()
@@ -176,7 +188,7 @@ class FragmentCounter:
                 inputs=[*chunk],
                 outputs=[self.counts],
                 context=self._bins.context,
-                block_size=1,
+                cuts=self._bins.cuts,
             )
 
 
@@ -185,65 +197,84 @@ class _Bins:
 
     def __init__(self, width: int, height: int, context: Context, *, bytes_per_texel: int) -> None:
         if width < 1 or height < 1 or width * height >= 1 << 31:
-            raise ValueError(f"a buffer of {width} × {height} texels; it has at least 1 × 1 and less than 2³¹ texels")
+            raise ValueError(f"a buffer of {width} by {height} texels; it has at least 1 and less than 2**31 texels")
         self.context = context
         self._width, self._height = width, height
         self._band_height = max(1, min(height, _BAND_BYTES // (bytes_per_texel * width)))
         if context.threads > 1:
-            self._band_height = min(self._band_height, _ceil_div(height, _BANDS_PER_THREAD * context.threads))
+            evened = _ceil_div(height, _BANDS_PER_THREAD * context.threads)
+            self._band_height = min(self._band_height, max(_SHORTEST_BAND, evened))
         self.band_count = _ceil_div(height, self._band_height)
         self._chunk_length = min(_LARGEST_CHUNK, _MOST_ENTRIES // self.band_count)
+        self.cuts: list[int] = []
         self._bands = wp.empty(0, dtype=wp.vec2i, device=context.device)
+        self._counts = wp.empty((0, 0), dtype=wp.int32, device=context.device)
         self._entries = wp.empty(0, dtype=wp.int32, device=context.device)
 
     def of(
         self, vertices: wp.array[Any], triangles: wp.array[Any], projection: NDArray[np.float64], near: float | None
     ) -> Iterator[tuple[Any, ...]]:
-        """Yield, chunk by chunk, what the filling kernels read: view, vertices, triangles, ends and entries of bands."""
-        view = View()
+        """Yield by chunks what the filling kernels read: window, vertices, triangles, ends of entries, entries."""
+        if near is not None and not near > 0.0:
+            raise ValueError(f"the near plane of a perspective view lies at a positive w, not {near}")
+        window = Window()
         size = np.array([[self._width], [self._height], [1.0], [1.0]])
-        view.window_from_world = wp.mat44d(*(projection * size).ravel())
-        view.near = near or 0.0
-        view.width, view.height, view.band_height = self._width, self._height, self._band_height
-        triangles = triangles.flatten()
+        window.from_world = wp.mat44d(*(projection * size).ravel())
+        window.near = wp.float64(near or 0.0)
+        window.width, window.height = wp.int32(self._width), wp.int32(self._height)
+        window.band_height = wp.int32(self._band_height)
+        if triangles.ndim > 1:
+            triangles = triangles.flatten()
         triangle_count = triangles.size // 3
         for begin in range(0, triangle_count, self._chunk_length):
             end = min(begin + self._chunk_length, triangle_count)
-            yield view, vertices, triangles, *self._bin(view, vertices, triangles, begin, end)
+            yield window, vertices, triangles, *self._bin(window, vertices, triangles, begin, end)
 
     def _bin(
-        self, view: Any, vertices: wp.array[Any], triangles: wp.array[Any], begin: int, end: int
+        self, window: Any, vertices: wp.array[Any], triangles: wp.array[Any], begin: int, end: int
     ) -> tuple[wp.array[Any], wp.array[Any]]:
         device, threads = self.context.device, self.context.threads
         block_count = 1 if threads == 1 else min(_BLOCKS_PER_THREAD * threads, _ceil_div(end - begin, _SHORTEST_BLOCK))
         block_length = _ceil_div(end - begin, block_count)
         if self._bands.size < end - begin:
             self._bands = wp.empty(end - begin, dtype=wp.vec2i, device=device)
-        counts = wp.empty((self.band_count, block_count), dtype=wp.int32, device=device)
+        if self._counts.shape[0] != block_count:
+            self._counts = wp.empty((block_count, self.band_count + _CACHE_LINE), dtype=wp.int32, device=device)
         launch(
             find_bands,
             block_count,
-            inputs=[view, vertices, triangles, begin, end, block_length],
-            outputs=[self._bands, counts],
+            inputs=[window, vertices, triangles, begin, end, block_length],
+            outputs=[self._bands, self._counts],
             context=self.context,
             block_size=1,
         )
 
         # Band by band, and in each band block by block: where the block's entries begin, and after sorting, end.
-        flat = counts.numpy().reshape(-1)
-        ends = np.cumsum(flat)
-        flat[:] = ends - flat
-        if self._entries.size < ends[-1]:
-            self._entries = wp.empty(int(ends[-1]), dtype=wp.int32, device=device)
+        counted = self._counts.numpy().T[: self.band_count]
+        ends = np.cumsum(counted).reshape(counted.shape)
+        counted[:] = ends - counted
+        if self._entries.size < ends[-1, -1]:
+            self._entries = wp.empty(int(ends[-1, -1]), dtype=wp.int32, device=device)
+        if threads > 1:
+            self.cuts = self._cuts_by_work(ends[:, -1])
         launch(
             sort_into_bands,
             block_count,
             inputs=[self._bands, begin, end, block_length],
-            outputs=[counts, self._entries],
+            outputs=[self._counts, self._entries],
             context=self.context,
             block_size=_ceil_div(_SHORTEST_SORTING_BLOCK, block_length),
         )
-        return counts, self._entries
+        return self._counts, self._entries
+
+    def _cuts_by_work(self, band_ends: NDArray[np.int64]) -> list[int]:
+        """Cut the bands into blocks of about equal work, several a thread, unless that makes the blocks too short."""
+        work = _ENTRY_WORK * band_ends + _TEXEL_WORK * self._width * self._band_height * np.arange(
+            1, len(band_ends) + 1
+        )
+        block_count = min(_BLOCKS_PER_THREAD * self.context.threads, int(work[-1] / _LEAST_BLOCK_WORK))
+        cuts = np.searchsorted(work, work[-1] * np.arange(1, block_count) / max(1, block_count)) + 1
+        return [int(cut) for cut in np.unique(cuts) if cut < self.band_count]
 
 
 def _ceil_div(a: int, b: int) -> int:

@@ -32,13 +32,14 @@ wp.set_module_options(kernel_options(native=True))
 
 
 @wp.struct
-class View:
+class Window:
     """What a draw projects onto.
 
-    ``window_from_world`` has rows (x·w, y·w, depth, w) with x, y in texels; points with w <= ``near`` are clipped.
+    ``from_world`` has rows (x·w, y·w, depth, w) with x, y in texels. Points with w <= ``near`` are clipped; ``near`` is
+    0 in an orthographic view, where w is 1.
     """
 
-    window_from_world: wp.mat44d
+    from_world: wp.mat44d
     near: wp.float64
     width: wp.int32
     height: wp.int32
@@ -52,7 +53,7 @@ class View:
 def find_bands(
     first: wp.int32,
     # inputs
-    view: View,
+    window: Window,
     vertices: wp.array[wp.vec3],
     triangles: wp.array[wp.int32],
     begin: wp.int32,
@@ -62,27 +63,27 @@ def find_bands(
     bands: wp.array[wp.vec2i],
     counts: wp.array2d[wp.int32],
 ):
-    """For each triangle of a block the bands [first, end) it may cover; for each band how many triangles of the block."""
+    """Bands [first, end) that each triangle of a block may cover, and how many triangles of it each band gets."""
     block = wp.tid() + first
-    for band in range(counts.shape[0]):
-        counts[band, block] = 0
+    for band in range(counts.shape[1]):
+        counts[block, band] = 0
     for t in range(begin + block * block_length, wp.min(begin + (block + 1) * block_length, end)):
-        polygon = visible_polygon(vertices, triangles, t, view.window_from_world, view.near)
-        first_row = view.height
+        polygon = visible_polygon(vertices, triangles, t, window.from_world, window.near)
+        first_row = window.height
         end_row = wp.int32(0)
         for corner in range(polygon.count - 2):
             b = wp.where(corner == 0, polygon.b, polygon.c)
             c = wp.where(corner == 0, polygon.c, polygon.d)
-            rows = covered_rows(polygon.a, b, c, view.width, view.height)
+            rows = covered_rows(polygon.a, b, c, window.width, window.height)
             if rows[0] < rows[1]:
                 first_row = wp.min(first_row, rows[0])
                 end_row = wp.max(end_row, rows[1])
         found = wp.vec2i(0, 0)
         if first_row < end_row:
-            found = wp.vec2i(first_row // view.band_height, (end_row - 1) // view.band_height + 1)
+            found = wp.vec2i(first_row // window.band_height, (end_row - 1) // window.band_height + 1)
         bands[t - begin] = found
         for band in range(found[0], found[1]):
-            counts[band, block] = counts[band, block] + 1
+            counts[block, band] = counts[block, band] + 1
 
 
 @wp.kernel
@@ -102,9 +103,9 @@ def sort_into_bands(
     for t in range(begin + block * block_length, wp.min(begin + (block + 1) * block_length, end)):
         found = bands[t - begin]
         for band in range(found[0], found[1]):
-            entry = next_entries[band, block]
+            entry = next_entries[block, band]
             entries[entry] = t
-            next_entries[band, block] = entry + 1
+            next_entries[block, band] = entry + 1
 
 
 # --- filling
@@ -112,10 +113,10 @@ def sort_into_bands(
 
 @wp.func
 def entry_end(entry_ends: wp.array2d[wp.int32], band: wp.int32):
-    """Where the entries of a band's last block end; bands lie one after the other."""
+    """Where a band's entries end, which is where its last block's do; bands lie one after the other."""
     if band < 0:
         return wp.int32(0)
-    return entry_ends[band, entry_ends.shape[1] - 1]
+    return entry_ends[entry_ends.shape[0] - 1, band]
 
 
 @wp.func_native("""
@@ -134,7 +135,6 @@ def prefetch(
     end: wp.int32,
 ):
     """Fetch coming triangles of a band; they are in order, but far apart in memory."""
-    ...
 
 
 def filling_kernel(keep_linear, keep_perspective):
@@ -144,7 +144,7 @@ def filling_kernel(keep_linear, keep_perspective):
     def fill_bands(
         first: wp.int32,
         # inputs
-        view: View,
+        window: Window,
         vertices: wp.array[wp.vec3],
         triangles: wp.array[wp.int32],
         entry_ends: wp.array2d[wp.int32],
@@ -158,23 +158,23 @@ def filling_kernel(keep_linear, keep_perspective):
         ids: wp.array[wp.int32],
     ):
         band = wp.tid() + first
-        begin = band * view.band_height
-        end = wp.min(begin + view.band_height, view.height)
+        begin = band * window.band_height
+        end = wp.min(begin + window.band_height, window.height)
         if is_cleared:
-            fill_depths(depth, begin * view.width, (end - begin) * view.width, 1.0)
+            fill_depths(depth, begin * window.width, (end - begin) * window.width, 1.0)
             if ids.shape[0] == depth.shape[0]:
-                fill_ids(ids, begin * view.width, (end - begin) * view.width, -1)
+                fill_ids(ids, begin * window.width, (end - begin) * window.width, -1)
 
         end_entry = entry_end(entry_ends, band)
         for entry in range(entry_end(entry_ends, band - 1), end_entry):
             prefetch(vertices, triangles, entries, entry, end_entry)
             t = entries[entry]
-            polygon = visible_polygon(vertices, triangles, t, view.window_from_world, view.near)
+            polygon = visible_polygon(vertices, triangles, t, window.from_world, window.near)
             for corner in range(polygon.count - 2):
                 b = wp.where(corner == 0, polygon.b, polygon.c)
                 c = wp.where(corner == 0, polygon.c, polygon.d)
                 top, middle, bottom = top_to_bottom(polygon.a, b, c)
-                rows = covered_rows(top, middle, bottom, view.width, view.height)
+                rows = covered_rows(top, middle, bottom, window.width, window.height)
                 first_row = wp.max(rows[0], begin)
                 end_row = wp.min(rows[1], end)
                 if first_row < end_row and doubled_area(top, middle, bottom) != wp.float64(0.0):
@@ -188,14 +188,14 @@ def filling_kernel(keep_linear, keep_perspective):
                         w = wp.float64(1.0) / top[3]
                         offset = slope_bias * wp.max(wp.abs(p.dx), wp.abs(p.dy)) * w + constant_bias
                         for row in range(first_row, end_row):
-                            columns = covered_columns(edges, row, view.width)
+                            columns = covered_columns(edges, row, window.width)
                             if columns[0] < columns[1]:
                                 keep_linear(
                                     depth,
                                     ids,
-                                    row * view.width + columns[0],
+                                    row * window.width + columns[0],
                                     columns[1] - columns[0],
-                                    view.width - columns[0],
+                                    window.width - columns[0],
                                     plane_at(p, edges, columns[0], row) * w + offset,
                                     p.dx * w,
                                     wp.float32(low + offset),
@@ -205,14 +205,14 @@ def filling_kernel(keep_linear, keep_perspective):
                     else:
                         q = plane_through(top, middle, bottom, 3)
                         for row in range(first_row, end_row):
-                            columns = covered_columns(edges, row, view.width)
+                            columns = covered_columns(edges, row, window.width)
                             if columns[0] < columns[1]:
                                 keep_perspective(
                                     depth,
                                     ids,
-                                    row * view.width + columns[0],
+                                    row * window.width + columns[0],
                                     columns[1] - columns[0],
-                                    view.width - columns[0],
+                                    window.width - columns[0],
                                     wp.vec3d(plane_at(p, edges, columns[0], row), p.dx, p.dy),
                                     wp.vec3d(plane_at(q, edges, columns[0], row), q.dx, q.dy),
                                     slope_bias,
@@ -233,7 +233,7 @@ fill_depth_and_ids = filling_kernel(keep_nearest_linear_with_ids, keep_nearest_p
 def count_in_bands(
     first: wp.int32,
     # inputs
-    view: View,
+    window: Window,
     vertices: wp.array[wp.vec3],
     triangles: wp.array[wp.int32],
     entry_ends: wp.array2d[wp.int32],
@@ -243,18 +243,18 @@ def count_in_bands(
 ):
     """Add to each texel the number of triangles that cover its centre."""
     band = wp.tid() + first
-    begin = band * view.band_height
-    end = wp.min(begin + view.band_height, view.height)
+    begin = band * window.band_height
+    end = wp.min(begin + window.band_height, window.height)
     for entry in range(entry_end(entry_ends, band - 1), entry_end(entry_ends, band)):
-        polygon = visible_polygon(vertices, triangles, entries[entry], view.window_from_world, view.near)
+        polygon = visible_polygon(vertices, triangles, entries[entry], window.from_world, window.near)
         for corner in range(polygon.count - 2):
             b = wp.where(corner == 0, polygon.b, polygon.c)
             c = wp.where(corner == 0, polygon.c, polygon.d)
             top, middle, bottom = top_to_bottom(polygon.a, b, c)
-            rows = covered_rows(top, middle, bottom, view.width, view.height)
+            rows = covered_rows(top, middle, bottom, window.width, window.height)
             if doubled_area(top, middle, bottom) != wp.float64(0.0):
                 edges = edges_of(top, middle, bottom)
                 for row in range(wp.max(rows[0], begin), wp.min(rows[1], end)):
-                    columns = covered_columns(edges, row, view.width)
+                    columns = covered_columns(edges, row, window.width)
                     for column in range(columns[0], columns[1]):
                         counts[row, column] = counts[row, column] + 1

@@ -1,8 +1,8 @@
 """Rows of a depth buffer: the innermost loops of rasterisation, as native bodies and, as their oracle, in plain Warp.
 
-Each native body works on eight texels at a time; on rows of a large triangle it is 3 to 8 times as fast as its plain
-twin, bit for bit the same. Texels beyond the span are loaded and stored unchanged, but never those of another row,
-which another thread may own. CPU only: the bodies use Clang's vectors.
+Each native body works on eight texels at a time: on rows of a large triangle four times as fast as its plain twin
+(measured: 3.7 to 5.5), and the same bit for bit. Texels beyond the span are loaded and stored unchanged, but never
+those of another row, which another thread may own. CPU only: the bodies use Clang's vectors.
 
 Arguments they share: ``start``, the index of the span's first texel in the flat buffer; ``count``, texels in the span;
 ``room``, texels from ``start`` to the end of the row, at least ``count``; ``low`` and ``high``, least and greatest
@@ -41,10 +41,10 @@ _KEEP_DEPTH_AND_ID = (
     + """
         int* numbers = ids.data + start + i;
         if (is_partial) {
-            for (int k = 0; k < room - i; ++k) numbers[k] = nearer[k] ? id : numbers[k];
+            for (int k = 0; k < room - i; ++k) numbers[k] = nearer[k] ? triangle : numbers[k];
         } else {
             const ints before = *(unaligned_ints*)numbers;
-            *(volatile unaligned_ints*)numbers = nearer ? (ints)id : before;
+            *(volatile unaligned_ints*)numbers = nearer ? (ints)triangle : before;
         }
 """
 )
@@ -96,7 +96,7 @@ def keep_nearest_linear(
     depth_dx: wp.float64,
     low: wp.float32,
     high: wp.float32,
-    id: wp.int32,
+    triangle: wp.int32,
 ): ...
 
 
@@ -111,7 +111,7 @@ def keep_nearest_linear_with_ids(
     depth_dx: wp.float64,
     low: wp.float32,
     high: wp.float32,
-    id: wp.int32,
+    triangle: wp.int32,
 ): ...
 
 
@@ -121,19 +121,19 @@ def keep_nearest_linear_plain(
     ids: wp.array[wp.int32],
     start: wp.int32,
     count: wp.int32,
-    room: wp.int32,
+    room: wp.int32,  # noqa: ARG001 - as its native twins
     depth_at_start: wp.float64,
     depth_dx: wp.float64,
     low: wp.float32,
     high: wp.float32,
-    id: wp.int32,
+    triangle: wp.int32,
 ):
     """Keep the lesser of the stored and a linear depth over a span, and the number of the triangle that has it."""
     for i in range(count):
         z = wp.clamp(wp.float32(depth_at_start + depth_dx * wp.float64(i)), low, high)
         if z < depth[start + i]:
             depth[start + i] = z
-            ids[start + i] = id
+            ids[start + i] = triangle
 
 
 # --- depth the quotient of two linear quantities
@@ -152,7 +152,7 @@ def keep_nearest_perspective(
     constant_bias: wp.float64,
     low: wp.float32,
     high: wp.float32,
-    id: wp.int32,
+    triangle: wp.int32,
 ): ...
 
 
@@ -169,7 +169,7 @@ def keep_nearest_perspective_with_ids(
     constant_bias: wp.float64,
     low: wp.float32,
     high: wp.float32,
-    id: wp.int32,
+    triangle: wp.int32,
 ): ...
 
 
@@ -179,14 +179,14 @@ def keep_nearest_perspective_plain(
     ids: wp.array[wp.int32],
     start: wp.int32,
     count: wp.int32,
-    room: wp.int32,
+    room: wp.int32,  # noqa: ARG001 - as its native twins
     depth_over_w: wp.vec3d,
     inverse_w: wp.vec3d,
     slope_bias: wp.float64,
     constant_bias: wp.float64,
     low: wp.float32,
     high: wp.float32,
-    id: wp.int32,
+    triangle: wp.int32,
 ):
     """As `keep_nearest_linear_plain`, for perspective views.
 
@@ -202,7 +202,7 @@ def keep_nearest_perspective_plain(
         z = wp.clamp(wp.float32(exact), low, high) + wp.float32(offset)
         if z < depth[start + i]:
             depth[start + i] = z
-            ids[start + i] = id
+            ids[start + i] = triangle
 
 
 # --- clearing

@@ -66,10 +66,12 @@ def launch(
     *,
     context: Context,
     block_size: int | None = None,
+    cuts: Sequence[int] | None = None,
 ) -> None:
     """Run a kernel over the elements ``0 … count - 1``, on all threads of the context.
 
-    Returns when the CPU is done; CUDA launches are asynchronous (see `synchronize`).
+    Returns when the CPU is done; CUDA launches are asynchronous (see :func:`synchronize`). Results never depend on how
+    the domain is cut. Starting threads and handing out a block take some tens of microseconds: blocks should be longer.
 
     Args:
         kernel: A kernel whose first argument is ``first: int``, to be added to ``wp.tid()``.
@@ -78,18 +80,17 @@ def launch(
         outputs: The kernel's arguments that it writes. Different elements write to different places.
         context: Device and number of threads.
         block_size: Number of elements launched at a time; by default an equal share of the domain that gives every
-            thread several blocks. Results never depend on it.
+            thread several blocks.
+        cuts: First elements of all blocks but the first, increasing, where elements are unequal work.
 
     Raises:
         ValueError: If ``block_size`` is not positive.
         Exception: Whatever a block raises. Blocks not yet begun are then left out.
     """
-    if block_size is None:
-        block_size = max(1, -(-count // (_BLOCKS_PER_THREAD * context.threads)))
-    elif block_size < 1:
+    if block_size is not None and block_size < 1:
         raise ValueError(f"a block holds at least 1 element, not {block_size}")
 
-    def launch_block(first: int, size: int, *, record_cmd: bool = False) -> wp.Launch | None:
+    def launch_block(first: int, size: int, *, record_cmd: bool = False) -> Any:
         return wp.launch(
             kernel,
             dim=size,
@@ -100,34 +101,39 @@ def launch(
             record_cmd=record_cmd,
         )
 
-    thread_count = min(context.threads, -(-count // block_size))
-    if thread_count <= 1 or wp.get_device(context.device).is_cuda:
+    if context.threads == 1 or count <= 1 or wp.get_device(context.device).is_cuda:
+        launch_block(0, count)
+        return
+    if cuts is None:
+        cuts = range(0, count, block_size or -(-count // (_BLOCKS_PER_THREAD * context.threads)))[1:]
+    if not cuts:
         launch_block(0, count)
         return
 
-    firsts = _Firsts(count, block_size)
+    blocks = _Blocks(count, cuts)
 
-    def launch_remaining_blocks() -> None:
+    def launch_remaining_blocks(command: wp.Launch | None = None) -> None:
         try:
-            command = launch_block(0, block_size, record_cmd=True)  # replayed in a quarter of the time of a launch
-            for first in firsts:
+            command = command or launch_block(0, 1, record_cmd=True)  # to replay, in a quarter of a launch's time
+            for first, end in blocks:
                 command.set_param_at_index(0, first)
-                if count - first < block_size:
-                    command.set_dim(count - first)
+                command.set_dim(end - first)
                 command.launch()
         except BaseException:
-            firsts.stop()
+            blocks.stop()
             raise
 
     # Loading a module is not for threads side by side: here, by recording a launch, before any of them starts.
-    launch_block(0, block_size, record_cmd=True)
-    futures = [_thread_pool(context.threads - 1).submit(launch_remaining_blocks) for _ in range(thread_count - 1)]
+    command = launch_block(0, 1, record_cmd=True)
+    helper_count = min(context.threads - 1, len(cuts))
+    helpers = [_thread_pool(context.threads - 1).submit(launch_remaining_blocks) for _ in range(helper_count)]
     try:
-        launch_remaining_blocks()
+        launch_remaining_blocks(command)
     finally:
-        wait(futures)  # no block outlives this call
-    for future in futures:
-        future.result()
+        begun = [helper for helper in helpers if not helper.cancel()]
+        wait(begun)  # no block outlives this call
+    for helper in begun:
+        helper.result()
 
 
 def synchronize(context: Context) -> None:
@@ -135,25 +141,26 @@ def synchronize(context: Context) -> None:
     wp.synchronize_device(context.device)
 
 
-class _Firsts:
-    """The first elements of the blocks of a domain, each handed to whichever thread asks next."""
+class _Blocks:
+    """The blocks [first, end) of a domain, each handed to whichever thread asks next."""
 
-    def __init__(self, count: int, block_size: int) -> None:
-        self._firsts = iter(range(0, count, block_size))
+    def __init__(self, count: int, cuts: Sequence[int]) -> None:
+        self._blocks = iter(zip([0, *cuts], [*cuts, count], strict=True))
         self._lock = Lock()
 
-    def __iter__(self) -> Iterator[int]:
+    def __iter__(self) -> Iterator[tuple[int, int]]:
         while True:
             with self._lock:
-                first = next(self._firsts, None)
-            if first is None:
+                block = next(self._blocks, None)
+            if block is None:
                 return
-            yield first
+            yield block
 
     def stop(self) -> None:
         """Hand out no more blocks."""
         with self._lock:
-            self._firsts = iter(range(0))
+            for _ in self._blocks:
+                pass
 
 
 @cache
@@ -161,4 +168,5 @@ def _thread_pool(threads: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(max_workers=threads, thread_name_prefix="shadowbench-launch")
 
 
-os.register_at_fork(after_in_child=_thread_pool.cache_clear)  # threads do not survive a fork
+if hasattr(os, "register_at_fork"):  # threads do not survive a fork
+    os.register_at_fork(after_in_child=_thread_pool.cache_clear)

@@ -58,24 +58,28 @@ class Plane:
 
 
 @wp.func
-def transform(m: wp.mat44d, p: wp.vec3):
+def row_times(m: wp.mat44d, row: wp.int32, p: wp.vec3d):
+    """One homogeneous coordinate of a world position."""
+    return m[row, 0] * p[0] + m[row, 1] * p[1] + m[row, 2] * p[2] + m[row, 3]
+
+
+@wp.func
+def transform(m: wp.mat44d, position: wp.vec3):
     """Homogeneous window coordinates (x·w, y·w, depth, w) of a world position."""
-    x = wp.float64(p[0])
-    y = wp.float64(p[1])
-    z = wp.float64(p[2])
-    return wp.vec4d(
-        m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + m[0, 3],
-        m[1, 0] * x + m[1, 1] * y + m[1, 2] * z + m[1, 3],
-        m[2, 0] * x + m[2, 1] * y + m[2, 2] * z + m[2, 3],
-        m[3, 0] * x + m[3, 1] * y + m[3, 2] * z + m[3, 3],
-    )
+    p = wp.vec3d(position)
+    return wp.vec4d(row_times(m, 0, p), row_times(m, 1, p), row_times(m, 2, p), row_times(m, 3, p))
+
+
+@wp.func
+def transform_orthographic(m: wp.mat44d, position: wp.vec3):
+    """The same where w is 1, which makes them a window vertex."""
+    p = wp.vec3d(position)
+    return wp.vec4d(row_times(m, 0, p), row_times(m, 1, p), row_times(m, 2, p), wp.float64(1.0))
 
 
 @wp.func
 def window_vertex(h: wp.vec4d):
     """The homogeneous point divided by its w."""
-    if h[3] == wp.float64(1.0):  # orthographic views: nothing to divide
-        return h
     return wp.vec4d(h[0] / h[3], h[1] / h[3], h[2] / h[3], wp.float64(1.0) / h[3])
 
 
@@ -146,11 +150,20 @@ def visible_polygon(
     window_from_world: wp.mat44d,
     near: wp.float64,
 ):
-    """Triangle ``t`` in the window, clipped by the near plane."""
-    a = transform(window_from_world, vertices[triangles[3 * t]])
-    b = transform(window_from_world, vertices[triangles[3 * t + 1]])
-    c = transform(window_from_world, vertices[triangles[3 * t + 2]])
-    return clip_near(a, b, c, near)
+    """Triangle ``t`` in the window; clipped by the near plane, unless ``near`` is 0: then the view is orthographic."""
+    a = vertices[triangles[3 * t]]
+    b = vertices[triangles[3 * t + 1]]
+    c = vertices[triangles[3 * t + 2]]
+    if near > wp.float64(0.0):
+        return clip_near(
+            transform(window_from_world, a), transform(window_from_world, b), transform(window_from_world, c), near
+        )
+    polygon = Polygon()
+    polygon.count = 3
+    polygon.a = transform_orthographic(window_from_world, a)
+    polygon.b = transform_orthographic(window_from_world, b)
+    polygon.c = transform_orthographic(window_from_world, c)
+    return polygon
 
 
 # --- coverage

@@ -1,0 +1,58 @@
+"""The typer app: the commands in the order of ``--help``, and what stands above them."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from shadowbench import __version__
+from shadowbench.cli.check import check
+from shadowbench.cli.doctor import doctor
+from shadowbench.cli.exit_status import ExitStatus
+from shadowbench.cli.listing import list_names, show
+from shadowbench.cli.results import report, table
+from shadowbench.cli.run import run
+
+_EPILOG = (
+    "Exit status: 0 all cases ok or skipped, 1 some case failed, 2 bad usage or a bad file, 70 a fault of shadowbench, "
+    "130 interrupted (everything finished is kept)."
+)
+
+app = typer.Typer(
+    name="shadowbench",
+    help="Every shadow algorithm against one ray-traced ground truth.",
+    epilog=_EPILOG,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+
+def _print_version(value: bool) -> None:
+    if value:
+        print(f"shadowbench {__version__}")
+        raise typer.Exit
+
+
+@app.callback(invoke_without_command=True)
+def _root(
+    context: typer.Context,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    """Every shadow algorithm against one ray-traced ground truth."""
+    del version
+    if context.invoked_subcommand is None:
+        print(context.get_help())
+        raise typer.Exit(ExitStatus.USAGE)
+
+
+app.command()(run)
+app.command("list")(list_names)
+app.command()(show)
+app.command()(table)
+app.command()(report)
+app.command()(check)
+app.command()(doctor)

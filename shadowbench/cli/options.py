@@ -1,0 +1,46 @@
+"""Arguments and options that several commands share, and the results folder behind ``--results``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from shadowbench.cli import completion
+
+if TYPE_CHECKING:
+    from shadowbench.store import Store
+
+DEFAULT_RESULTS = Path("shadowbench-results")
+
+ResultsOption = Annotated[
+    Path,
+    typer.Option("--results", metavar="DIR", envvar="SHADOWBENCH_RESULTS", file_okay=True, help="The results folder."),
+]
+
+PluginOption = Annotated[
+    list[Path] | None,
+    typer.Option("--plugin", metavar="FILE.py", help="A file with methods or scenes of your own; may be repeated."),
+]
+
+RunArgument = Annotated[
+    str,
+    typer.Argument(
+        metavar="RUN",
+        help="A run's id, the beginning of one, or 'latest'.",
+        autocompletion=completion.runs,
+        show_default=False,
+    ),
+]
+
+
+def open_store(folder: Path) -> Store:
+    """Open a results folder for reading.
+
+    Raises:
+        StoreError: There is none, or it cannot be read.
+    """
+    from shadowbench.store import Store
+
+    return Store.open(folder, create=False)

@@ -1,0 +1,89 @@
+"""``shadowbench table`` and ``shadowbench report``: what is made of a run that has been measured."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, cast
+
+import typer
+
+from shadowbench.cli import completion
+from shadowbench.cli.console import complain, put
+from shadowbench.cli.options import DEFAULT_RESULTS, ResultsOption, RunArgument, open_store
+from shadowbench.errors import UsageError
+
+if TYPE_CHECKING:
+    from shadowbench.tables import Format
+
+
+def table(
+    run: RunArgument,
+    experiment: Annotated[
+        str | None,
+        typer.Option("--experiment", "-e", metavar="E", help="Only this experiment's tables.", show_default=False),
+    ] = None,
+    format: Annotated[  # noqa: A002 - the option's name
+        str,
+        typer.Option(
+            "--format",
+            "-f",
+            metavar="FORMAT",
+            help="rich, csv (tidy: every column, a line a case), csv-table (as printed), markdown, latex or json.",
+            autocompletion=completion.formats,
+        ),
+    ] = "rich",
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="FILE", help="Write to a file instead.", show_default=False),
+    ] = None,
+    results: ResultsOption = DEFAULT_RESULTS,
+) -> None:
+    """Print the tables of a run."""
+    from shadowbench import tables
+
+    with open_store(results) as store:
+        record = store.find_run(run)
+        rows = store.rows(record.run_id)
+    if not rows:
+        complain(f"run {record.run_id} has no finished case yet")
+    written = tables.render(tables.make(rows, run=record, experiment=experiment), cast("Format", format))
+    if output is not None:
+        _write(output, written)
+    elif isinstance(written, str):
+        sys.stdout.write(written)
+    else:
+        put(written)
+
+
+def report(
+    run: RunArgument,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", metavar="FILE.html", help="Where to; by default beside the run.", show_default=False
+        ),
+    ] = None,
+    results: ResultsOption = DEFAULT_RESULTS,
+) -> None:
+    """Write a run's report, one HTML file to read offline."""
+    from shadowbench.report import default_path, write
+
+    with open_store(results) as store:
+        record = store.find_run(run)
+        path = write(store, record, output or default_path(store, record))
+    print(path)
+
+
+def _write(path: Path, written: object) -> None:
+    """Write text, or what rich can print, to a file (then without colour, 160 columns wide)."""
+    try:
+        with path.open("w", encoding="utf-8", newline="") as file:
+            if isinstance(written, str):
+                file.write(written)
+            else:
+                from rich.console import Console
+
+                Console(file=file, width=160, highlight=False).print(written)
+    except OSError as error:
+        raise UsageError(f"--output {path}: {error.strerror}") from error

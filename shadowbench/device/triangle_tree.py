@@ -1,0 +1,104 @@
+"""A bounding-volume hierarchy over world-space triangles, made for rays that only ask whether something is in the way.
+
+Triangles are sorted along a Hilbert curve and cut into packs of eight; eight packs have a node, eight nodes a node
+above them, up to one root. The tree is complete, so it needs no pointers: child ``k`` of node ``n`` is number
+``8n + k`` one level below. Sorting is the whole of construction, which makes a build many times cheaper than with a
+surface-area heuristic, and a query hardly dearer. What a ray crosses does not depend on the tree: any tree gives the
+same bits.
+
+Boxes are inflated so that the float32 ray-box test of :mod:`shadowbench.device.rays` never misses a triangle that
+:func:`shadowbench.device.visibility.crossing` accepts. With S the world's largest coordinate and u = 2^-24 (half an
+ulp), origins within 1.35 S of the origin and triangles within S: a crossing lies at most 2.35 S from the ray's origin
+along each axis. The test computes ``(bound - origin) * inverse`` with four roundings (the ray's direction, its inverse,
+the difference, the product), which is to have moved the bound by at most 4u · 2.35 S < 5 ulp(S). Boxes grow by 8. That
+the ray does pass through the triangle rests on float64: the predicate's signed volumes are wrong by less than
+2^-45 |direction| S^2, so a ray it accepts passes within 2^-44 S^2 / h of a triangle of height h as seen along the ray,
+which is under 3 ulp(S) for every triangle that appears at least an ulp thick.
+"""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+import numpy as np
+import warp as wp
+
+from shadowbench.device.launch import Context, launch
+from shadowbench.device.triangle_tree_kernels import (
+    CURVE_BITS,
+    LANES,
+    Tree,
+    enclose_children,
+    fill_packs,
+    write_keys,
+)
+from shadowbench.device.visibility import ULP
+from shadowbench.world import Casters
+
+BOX_MARGIN_ULPS = 8
+"""How much boxes are inflated, in ulps of the world's largest coordinate."""
+
+
+class TriangleTree:
+    """The tree over a number of triangles; building again reuses the memory.
+
+    Args:
+        triangle_count: Triangles to hold; may be 0.
+        context: Where to run.
+
+    Attributes:
+        bounds, corners, triangle: See :class:`shadowbench.device.triangle_tree_kernels.Tree`.
+    """
+
+    def __init__(self, triangle_count: int, context: Context) -> None:
+        self.triangle_count, self.context = triangle_count, context
+        lanes, device = int(LANES), context.device
+        self._pack_count = -(-triangle_count // lanes)
+        self._node_counts = [max(1, -(-self._pack_count // lanes))]
+        while self._node_counts[-1] > 1:
+            self._node_counts.append(-(-self._node_counts[-1] // lanes))
+        self._first_node = [sum(self._node_counts[:level]) for level in range(len(self._node_counts))]
+        self._first_node_on_device: wp.array[Any] = wp.array(self._first_node, dtype=wp.int32, device=device)
+        self.corners: wp.array[Any] = wp.empty(self._pack_count * 9 * lanes, dtype=wp.float32, device=device)
+        self.triangle: wp.array[Any] = wp.empty(self._pack_count * lanes, dtype=wp.int32, device=device)
+        absent = np.repeat(np.array([np.inf, -np.inf], np.float32), 3 * lanes)
+        self.bounds: wp.array[Any] = wp.array(np.tile(absent, sum(self._node_counts)), dtype=wp.float32, device=device)
+
+    def build(self, casters: Casters) -> None:
+        """Build the tree over all triangles of ``casters``; the same bits for every number of threads."""
+        self._scale = casters.scale
+        if self.triangle_count == 0:
+            return
+        triangles = casters.on(self.context.device)
+        low, high = casters.bounds()
+        extent = float((high.astype(np.float64) - low).max())
+        cells_per_unit = (1 << int(CURVE_BITS)) / extent if extent > 0.0 else 0.0
+        keys = wp.empty(self.triangle_count, dtype=wp.uint64, device=self.context.device)
+        self._launch(
+            write_keys,
+            self.triangle_count,
+            [triangles.vertices, triangles.triangles, wp.vec3(*low.tolist()), cells_per_unit],
+            [keys],
+        )
+        keys.assign(np.sort(keys.numpy()))
+        self._launch(
+            fill_packs,
+            self._pack_count,
+            [keys, triangles.vertices, triangles.triangles, BOX_MARGIN_ULPS * ULP * casters.scale],
+            [self.corners, self.triangle, self.bounds],
+        )
+        for level, node_count in enumerate(self._node_counts[:-1]):
+            levels = [self._first_node[level], self._first_node[level + 1]]
+            self._launch(enclose_children, node_count, levels, [self.bounds])
+
+    def _launch(self, kernel: wp.Kernel, count: int, inputs: list[Any], outputs: list[Any]) -> None:
+        launch(kernel, count, inputs, outputs, context=self.context)
+
+    def packed(self) -> Tree:
+        """Return the tree, once built, for kernels."""
+        tree: Any = Tree()
+        tree.bounds, tree.corners, tree.triangle = self.bounds, self.corners, self.triangle
+        tree.first_node = self._first_node_on_device
+        tree.top = len(self._node_counts) - 1
+        tree.scale = self._scale
+        return cast("Tree", tree)

@@ -1,0 +1,159 @@
+"""The shape of an experiment file, and the one-line message when a file does not have it.
+
+Pydantic models mirror the TOML tables; a key takes one value or a list, so every value is made a list first. Only
+:mod:`shadowbench.experiment` uses this module.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from typing import Annotated, Any, TypeVar
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, PlainValidator, ValidationError
+
+from shadowbench.choices import Choice, choice_of_table, choice_of_text, size_of, thread_count_of
+from shadowbench.errors import ExperimentError, did_you_mean
+from shadowbench.rows import LONG_FIELDS, ResultRow
+from shadowbench.toml_lines import line_numbers, line_of
+
+T = TypeVar("T")
+
+
+def _as_list(value: Any) -> Any:
+    return value if isinstance(value, list) else [value]
+
+
+def _choice(value: Any) -> Choice:
+    if isinstance(value, dict):
+        return choice_of_table(value)
+    if isinstance(value, str):
+        return choice_of_text(value)
+    raise ValueError(f"expected a name, or a table with a 'name', not {value!r}")
+
+
+def _name(value: Any) -> str:
+    if not isinstance(value, str) or not value.strip():
+        raise ValueError(f"expected a name, not {value!r}")
+    return value
+
+
+def _size(value: Any) -> tuple[int, int]:
+    return size_of(value if isinstance(value, str) else repr(value))
+
+
+def _value_column(value: Any) -> str:
+    name = _name(value)
+    if name not in ResultRow.model_fields and name.partition(".")[0] not in LONG_FIELDS:
+        raise ValueError(f"no column is called '{name}'; {did_you_mean(name, ResultRow.model_fields, noun='column')}")
+    return name
+
+
+def _without_repeats(values: list[Any]) -> list[Any]:
+    for index, value in enumerate(values):
+        if value in values[:index]:
+            raise ValueError(f"'{value}' is listed twice")
+    return values
+
+
+_ListRules = (BeforeValidator(_as_list), AfterValidator(_without_repeats), Field(min_length=1))
+
+Choices = Annotated[list[Annotated[Choice, PlainValidator(_choice)]], *_ListRules]
+Names = Annotated[list[Annotated[str, PlainValidator(_name)]], *_ListRules]
+Sizes = Annotated[list[Annotated[tuple[int, int], PlainValidator(_size)]], *_ListRules]
+ThreadCounts = Annotated[list[Annotated[int, PlainValidator(thread_count_of)]], *_ListRules]
+ValueColumns = Annotated[list[Annotated[str, PlainValidator(_value_column)]], *_ListRules]
+
+
+class ComparisonTable(BaseModel):
+    """A ``[[comparison]]``; what is ``None`` was not said."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    scene: Choices
+    method: Choices | None = None
+    light: Names | None = None
+    camera: Names | None = None
+    size: Sizes | None = None
+    threads: ThreadCounts | None = None
+
+
+class LayoutTable(BaseModel):
+    """A ``[[table]]``."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    title: str
+    index: Names
+    values: ValueColumns
+    columns: Annotated[str, PlainValidator(_name)] | None = None
+
+
+class ExperimentFile(BaseModel):
+    """The whole file."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")] | None = None
+    title: str
+    source: str = ""
+    description: str = ""
+    budget: Annotated[float, Field(gt=0)] | None = None
+    comparison: Annotated[list[ComparisonTable], Field(min_length=1)]
+    table: list[LayoutTable] = Field(default_factory=list)
+
+
+def read(text: str, file: str) -> ExperimentFile:
+    """Check a TOML text.
+
+    Args:
+        text: The file's content.
+        file: For messages.
+
+    Raises:
+        ExperimentError: Names file and line.
+    """
+    try:
+        content = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        found = re.match(r"(.*) \(at (?:line (\d+), column \d+|end of document)\)", str(error))
+        message, number = found.groups() if found else (str(error), None)
+        line = int(number) if number else text.rstrip().count("\n") + 1
+        raise ExperimentError(f"not TOML: {message[:1].lower() + message[1:]}", file=file, line=line) from None
+    try:
+        return ExperimentFile.model_validate(content)
+    except ValidationError as error:
+        message, path = _first_error(error)
+        raise ExperimentError(message, file=file, line=line_of(line_numbers(text), path)) from None
+
+
+def _first_error(error: ValidationError) -> tuple[str, tuple[str | int, ...]]:
+    """Return what is wrong first, in one line, and the path of keys and positions to it."""
+    errors = error.errors(include_url=False)
+    # a misspelt key is also a missing one; its spelling is what helps
+    first = next((e for e in errors if e["type"] == "extra_forbidden"), errors[0])
+    path = first["loc"]
+    name = str(path[-1])
+    # "[[comparison]]" where a single "[comparison]" was written: say so, rather than "should be a list"
+    if first["type"] == "list_type" and isinstance(first["input"], dict):
+        return f"'{name}' is a list of tables: write [[{name}]], not [{name}]", path
+    match first["type"]:
+        case "extra_forbidden":
+            model = _model_at(path)
+            return f"unknown key '{name}'; {did_you_mean(name, model.model_fields, noun='key')}", path
+        case "missing":
+            where = f" in [[{path[0]}]]" if len(path) > 1 else ""
+            return f"the key '{name}' is missing{where}", path
+        case "too_short":
+            return f"'{name}' must not be empty", path
+        case "string_pattern_mismatch":
+            return f"'{name}' may hold letters, digits, '-', '_' and '.', not '{first['input']}'", path
+    message = first["msg"].removeprefix("Value error, ")
+    if first["type"] == "value_error":
+        return message, path
+    return f"'{name}': {message[:1].lower() + message[1:]}", path
+
+
+def _model_at(path: tuple[str | int, ...]) -> type[BaseModel]:
+    tables: dict[str | int, type[BaseModel]] = {"comparison": ComparisonTable, "table": LayoutTable}
+    return tables[path[0]] if len(path) > 1 else ExperimentFile

@@ -1,0 +1,242 @@
+"""What makes two results the same result: digests of code and content, keys, the machine and its software.
+
+A *quality key* names everything that pixels and counters depend on, a *case key* adds what times depend on. Code enters
+a key as the files that a module imports, found by reading import statements, never by running them: editing any of
+them changes the keys of exactly the methods that use it. Nothing here imports Warp or a plugin.
+"""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import hashlib
+import json
+import os
+import platform
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
+from importlib.machinery import ModuleSpec
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import shadowbench
+
+_KEY_LENGTH = 20
+"""Hex digits of a key: 80 bits, so that a million results meet by chance once in 10^12 collections."""
+
+_LIBRARIES = ("numpy", "warp-lang", "pyvista", "vtk", "embreex", "moderngl", "pandas", "sqlalchemy")
+
+
+def key_of(content: Mapping[str, Any] | Sequence[Any]) -> str:
+    """Return a short digest of a JSON value; the order of keys does not matter."""
+    text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()[:_KEY_LENGTH]
+
+
+def file_digest(file: Path) -> str:
+    """Return a digest of a file's content.
+
+    Raises:
+        OSError: The file cannot be read.
+    """
+    with file.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()[:_KEY_LENGTH]
+
+
+def content_digest(value: Any) -> str:
+    """Return a digest of dataclasses, collections, plain values and NumPy arrays: the same on every machine."""
+    digest = hashlib.blake2b(digest_size=_KEY_LENGTH // 2)
+    for part in _content_parts(value):
+        digest.update(part)
+    return digest.hexdigest()
+
+
+def _content_parts(value: Any) -> Iterator[bytes | memoryview]:
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        yield f"{type(value).__name__}(".encode()
+        for field in dataclasses.fields(value):
+            yield f"{field.name}=".encode()
+            yield from _content_parts(getattr(value, field.name))
+        yield b")"
+    elif isinstance(value, Mapping):
+        yield f"{{{len(value)}".encode()
+        for key, item in value.items():
+            yield f"{key!r}:".encode()
+            yield from _content_parts(item)
+    elif isinstance(value, tuple | list):
+        yield f"[{len(value)}".encode()
+        for item in value:
+            yield from _content_parts(item)
+    elif hasattr(value, "__array_interface__"):
+        yield f"{value.dtype.str}{value.shape}".encode()
+        yield memoryview(value.reshape(-1).view("u1"))
+    else:
+        yield f"{value!r};".encode()
+
+
+def code_digest(module: str) -> str:
+    """Return a digest of a module's source and of everything it imports from shadowbench and from its own package.
+
+    Args:
+        module: Full name of a module that could be imported, or of a plugin file that was.
+
+    Raises:
+        ModuleNotFoundError: There is no such module.
+    """
+    files = imported_files(module)
+    return key_of({name: _digest_of(file, file.stat().st_mtime_ns) for name, file in files.items()})
+
+
+def imported_files(module: str) -> dict[str, Path]:
+    """Return the source file of a module and of every module that it imports, directly or not, by name.
+
+    Only modules of shadowbench and of the module's own top-level package are followed; what stands under
+    ``if TYPE_CHECKING:`` does not run and is left out. So is ``shadowbench/__init__.py``, which holds the version.
+    """
+    own = {"shadowbench", module.partition(".")[0]}
+    found: dict[str, Path] = {}
+    waiting = [module]
+    while waiting:
+        name = waiting.pop()
+        if name in found or name == "shadowbench" or name.partition(".")[0] not in own:
+            continue
+        file = _source_of(name)
+        if file is None:
+            if name == module:
+                raise ModuleNotFoundError(f"there is no module {name}", name=name)
+            continue
+        found[name] = file
+        package = name if file.name == "__init__.py" else name.rpartition(".")[0]
+        waiting += _imports_of(file, file.stat().st_mtime_ns, package)
+        waiting += [name.rpartition(".")[0]] if "." in name else []  # importing a module runs its packages' __init__
+    return dict(sorted(found.items()))
+
+
+def _source_of(module: str) -> Path | None:
+    spec = _spec_of(module)
+    if spec is None or spec.origin is None or not spec.origin.endswith(".py"):
+        return None
+    return Path(spec.origin)
+
+
+def _spec_of(module: str) -> ModuleSpec | None:
+    """Find a module as an import would, without importing its packages (:func:`importlib.util.find_spec` does)."""
+    package, _, _ = module.rpartition(".")
+    path = None
+    if package:
+        parent = _spec_of(package)
+        if parent is None or parent.submodule_search_locations is None:
+            return None
+        path = list(parent.submodule_search_locations)
+    elif module in sys.modules:  # a plugin file is known by no finder
+        return sys.modules[module].__spec__
+    for finder in sys.meta_path:
+        spec = finder.find_spec(module, path)
+        if spec is not None:
+            return spec
+    return None
+
+
+@cache
+def _digest_of(file: Path, _modified: int) -> str:
+    return file_digest(file)
+
+
+@cache
+def _imports_of(file: Path, _modified: int, package: str) -> tuple[str, ...]:
+    """Names that a source file may import; ``from a import b`` gives both ``a`` and ``a.b``."""
+    try:
+        tree = ast.parse(file.read_bytes())
+    except (SyntaxError, ValueError):
+        return ()
+    names: list[str] = []
+    for node in _running_nodes(tree):
+        if isinstance(node, ast.Import):
+            names += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            parents = package.split(".")
+            base = ".".join(parents[: len(parents) - node.level + 1]) if node.level else ""
+            source = ".".join(part for part in (base, node.module) if part)
+            names += [source, *(f"{source}.{alias.name}" for alias in node.names)]
+    return tuple(dict.fromkeys(names))
+
+
+def _running_nodes(tree: ast.AST) -> Iterator[ast.AST]:
+    waiting = [tree]
+    while waiting:
+        node = waiting.pop()
+        yield node
+        if isinstance(node, ast.If) and ast.unparse(node.test) in ("TYPE_CHECKING", "typing.TYPE_CHECKING"):
+            waiting += node.orelse
+        else:
+            waiting += ast.iter_child_nodes(node)
+
+
+def machine() -> str:
+    """Return the machine key, for people to read: processor, cores, memory, operating system."""
+    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    cores = os.cpu_count() or 1
+    count = f"{cores} core" + ("s" if cores > 1 else "")
+    return f"{_processor()}, {count}, {memory / 2**30:.0f} GiB, {platform.system()} {platform.machine()}"
+
+
+def _processor() -> str:
+    try:
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            name, _, value = line.partition(":")
+            if name.strip() in ("model name", "Model"):
+                return " ".join(value.split())
+    except OSError:
+        pass
+    return platform.processor() or platform.machine()
+
+
+def available_cores() -> int:
+    """Return how many cores this process may run on."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def environment() -> dict[str, Any]:
+    """Return versions and hardware, for the record of a run."""
+    return {
+        "python": platform.python_version(),
+        "system": platform.platform(),
+        "cores": os.cpu_count() or 1,
+        "available_cores": available_cores(),
+        "load_average": [round(load, 2) for load in os.getloadavg()],
+        "libraries": {name: found for name in _LIBRARIES if (found := library_version(name))},
+    }
+
+
+def library_version(distribution: str) -> str | None:
+    """Return an installed distribution's version without importing it."""
+    try:
+        return version(distribution)
+    except PackageNotFoundError:
+        return None
+
+
+def code_version() -> str:
+    """Return shadowbench's version and, in a checkout, its commit and whether files differ from it."""
+    root = Path(shadowbench.__file__).parent.parent
+    if not (root / ".git").exists():
+        return shadowbench.__version__
+    commit = _git(root, "rev-parse", "--short=10", "HEAD")
+    if not commit:
+        return shadowbench.__version__
+    changed = _git(root, "status", "--porcelain", "--untracked-files=no")
+    return f"{shadowbench.__version__}+{commit}" + (".changed" if changed else "")
+
+
+def _git(folder: Path, *arguments: str) -> str:
+    try:
+        done = subprocess.run(
+            ["git", "-C", str(folder), *arguments],  # noqa: S607 - the user's git
+            capture_output=True, text=True, timeout=10, check=False,
+        )  # fmt: skip
+    except (OSError, subprocess.TimeoutExpired):
+        return ""
+    return done.stdout.strip() if done.returncode == 0 else ""

@@ -1,0 +1,77 @@
+"""What every part of a run needs: workers, options, the store, and whom to tell."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from shadowbench.rows import Outcome, ResultRow, RunRecord
+from shadowbench.runner.cases import Case, Observer, Obstacle, RunOptions
+from shadowbench.runner.pool import Pool, Worker
+from shadowbench.runner.protocol import CaseFailure
+from shadowbench.runner.row_making import ended_row
+
+if TYPE_CHECKING:
+    from shadowbench.store import Store
+
+OWN_WORK_TIMEOUT_S = 3600.0
+"""For what runs no plugin: receivers, reference and camera pass, with the compilation of their kernels."""
+
+
+@dataclass
+class Bench:
+    """The tools of a run.
+
+    Attributes:
+        pool: Where workers come from.
+        options: The run's.
+        run: The run's record.
+        store: Where rows and pictures are kept.
+        observer: Told about each step.
+        pictures: A folder for pictures on their way to the store.
+        failed: Keys of the cases that did not end well in this process.
+        kernel_ms: How long each Warp module took to compile, or to load where it was compiled before [ms].
+    """
+
+    pool: Pool
+    options: RunOptions
+    run: RunRecord
+    store: Store
+    observer: Observer
+    pictures: Path
+    failed: set[str] = field(default_factory=set)
+    kernel_ms: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def cache(self) -> str:
+        """The cache's folder, for workers."""
+        return str(self.options.cache.absolute())
+
+    def end(self, case: Case, how: Obstacle | CaseFailure) -> None:
+        """Keep the row of a case that was not measured."""
+        if how.outcome is not Outcome.SKIPPED:
+            self.failed.add(case.case_key)
+        self.keep(ended_row(case, self.run, how.outcome, how.reason, how.stderr_tail))
+
+    def keep(self, row: ResultRow) -> None:
+        """Make a row durable, then tell about it."""
+        self.store.add_row(row)
+        self.observer.row_finished(row)
+
+    def keep_picture(self, file: Path) -> str:
+        """Move a picture to the store and return its name there."""
+        name = self.store.put_artifact(file.read_bytes(), "png")
+        file.unlink()
+        return name
+
+    def park(self, worker: Worker) -> None:
+        """Have a worker let go of its case, and keep it for the next one if it still answers."""
+        if not worker.is_alive:
+            return
+        try:
+            worker.ask("close", {}, self.options.timeout_s)
+        except CaseFailure:
+            worker.kill()
+        else:
+            self.pool.park(worker)

@@ -1,0 +1,57 @@
+"""The camera pass in its worker: a member of every comparison, since every frame begins with it."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from shadowbench.camera_pass import CameraPass
+from shadowbench.device.launch import Context
+from shadowbench.runner.cache import Cache
+from shadowbench.runner.case_host import WARM_BELOW_MS
+
+if TYPE_CHECKING:
+    from shadowbench.world import World
+
+
+class CameraHost:
+    """Holds the camera pass of one view."""
+
+    def load(
+        self, *, cache: str, entries: dict[str, str], camera: str, width: int, height: int, device: str, threads: int
+    ) -> dict[str, Any]:
+        """Open the world and make the camera pass.
+
+        Args:
+            cache: The cache's folder.
+            entries: Name of ``world`` in it.
+            camera: Name in the world.
+            width, height: Picture size [pixels].
+            device, threads: Where to run.
+        """
+        world: World = Cache(Path(cache)).open(entries["world"])
+        context = Context(device, threads)
+        self._camera_pass = CameraPass(world, world.cameras[camera], width, height, context)
+        return {}
+
+    def warm_up(self) -> dict[str, Any]:
+        """Run twice outside the clock: the first run loads the kernels."""
+        self._run()
+        self._run()
+        return {}
+
+    def round(self) -> dict[str, Any]:
+        """Time one camera pass; return ``camera`` [ms]."""
+        if self._last_ms < WARM_BELOW_MS:
+            self._run()
+        self._run()
+        return {"camera": self._last_ms}
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+    def _run(self) -> None:
+        begin = time.perf_counter()
+        self._camera_pass.run()  # synchronises the device
+        self._last_ms = (time.perf_counter() - begin) * 1.0e3

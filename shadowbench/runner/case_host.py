@@ -1,0 +1,287 @@
+"""One case in its worker: load, warm up, timed rounds, and what is measured when they are over.
+
+The clock runs over ``build()`` and ``shade()`` and nothing else. Before each, the visibility is filled with NaN; after
+each, the result is held to the contract of :class:`shadowbench.method.Method` and to the bits of the first one.
+"""
+
+from __future__ import annotations
+
+import gc
+import hashlib
+import math
+import os
+import resource
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from shadowbench.contract import visibility_breaches
+from shadowbench.device.launch import Context, synchronize
+from shadowbench.errors import InvalidResultError
+from shadowbench.light_space import camera_frame
+from shadowbench.method import Changes, Method, Trace, View
+from shadowbench.metrics import measure
+from shadowbench.parameters import parse_parameters
+from shadowbench.pictures import case_pictures
+from shadowbench.runner.cache import Cache
+from shadowbench.runner.kernels import load_kernels
+
+if TYPE_CHECKING:
+    from shadowbench.plugins import Registry
+    from shadowbench.receivers import Receivers
+    from shadowbench.reference import Reference
+    from shadowbench.scene import Light
+    from shadowbench.world import World
+
+WARM_BELOW_MS = 25.0
+"""A frame shorter than this runs once untimed in its round: what it needs was evicted while other workers ran."""
+
+_SECOND_FRAME_BELOW_MS = 2000.0
+"""A longer first frame is not repeated to warm up; the first round is its first repeat."""
+
+
+class CaseHost:
+    """Holds one method object and all it needs.
+
+    Args:
+        registry: The plugins.
+        tell_phase: Told what comes next.
+    """
+
+    def __init__(self, registry: Registry, tell_phase: Callable[[str], None]) -> None:
+        self._registry = registry
+        self._tell_phase = tell_phase
+        self._method: Method | None = None
+        self._first: NDArray[np.float32] | None = None
+        self._first_digest = ""
+        self._changed_count = 0
+        self._warnings: list[str] = []
+        self._last_ms = math.inf
+
+    def load(
+        self,
+        *,
+        cache: str,
+        entries: dict[str, str],
+        light: str,
+        camera: str,
+        method: str,
+        parameters: dict[str, Any],
+        device: str,
+        threads: int,
+    ) -> dict[str, Any]:
+        """Open the scene, make the method, compile and load its kernels.
+
+        Args:
+            cache: The cache's folder.
+            entries: Names of ``world``, ``receivers`` and ``reference`` in it.
+            light, camera: Names in the world.
+            method: Its name.
+            parameters: All of its parameters.
+            device, threads: Where to run.
+
+        Returns:
+            ``skipped`` with a reason, or ``kernels``: how long each Warp module took to load [ms].
+        """
+        _reset_peak()
+        opened = Cache(Path(cache))
+        self._world: World = opened.open(entries["world"])
+        self._receivers: Receivers = opened.open(entries["receivers"])
+        self._reference: Reference = opened.open(entries["reference"])
+        self._light: Light = self._world.lights[light]
+        self._context = Context(device, threads)
+        cls = self._registry.method(method)
+        reason = cls.available()
+        if reason is None:
+            chosen = parse_parameters(cls.Parameters, parameters, owner=f"method '{method}'")
+            self._method = cls(chosen, self._context)
+            reason = self._method.supports(self._world, self._light)
+        if reason is not None:
+            return {"skipped": reason}
+        seen_by = self._world.cameras[camera]
+        size = self._receivers.width, self._receivers.height
+        self._view = View(seen_by, *size, camera_frame(seen_by, *size, self._world))
+        everything = frozenset(range(len(self._world.casters.instances)))
+        self._changes = Changes(light=True, instances=everything, view=True)
+        shape = (self._receivers.count,) if self._world.casters.is_opaque else (self._receivers.count, 3)
+        unwritten = np.full(shape, np.nan, dtype=np.float32)
+        self._unwritten: wp.array[Any] = wp.array(unwritten, dtype=wp.float32, device=device)
+        self._visibility: wp.array[Any] = wp.array(unwritten, dtype=wp.float32, device=device)
+        self._tell_phase("compiling kernels")
+        return {"kernels": load_kernels([cls.__module__], device)}
+
+    def warm_up(self) -> dict[str, Any]:
+        """Run a frame or two outside the clock and hold the results to the contract.
+
+        Raises:
+            InvalidResultError: The result breaks it.
+        """
+        self._frame(tell=True)
+        if self._last_ms < _SECOND_FRAME_BELOW_MS:
+            self._frame()
+        gc.collect()
+        gc.freeze()  # what is alive now need not be looked at again while the clock runs
+        return {"frame_ms": self._last_ms}
+
+    def round(self) -> dict[str, Any]:
+        """Time one frame.
+
+        Returns:
+            ``build`` and ``shade`` [ms], ``stages``.
+
+        Raises:
+            InvalidResultError: The result breaks the contract, or differs from the first one.
+        """
+        if self._last_ms < WARM_BELOW_MS:
+            self._frame()
+        build_ms, shade_ms = self._frame()
+        return {"build": build_ms, "shade": shade_ms, "stages": self._trace.stages}
+
+    def measure(self, pictures: Path) -> dict[str, Any]:
+        """Compare the result with the reference and draw it.
+
+        Args:
+            pictures: A folder to write the pictures to.
+
+        Raises:
+            InvalidResultError: A mask has not one value per receiver.
+        """
+        assert self._method is not None
+        peak = _peak_rss()
+        trace = self._trace
+        self._tell_phase("explain")
+        self._method.explain(self._receivers, trace)
+        for name, mask in trace.masks.items():
+            if mask.shape != (self._receivers.count,):
+                raise InvalidResultError(
+                    f"mask '{name}' has shape {mask.shape}, not one value for each of {self._receivers.count} receivers"
+                )
+        self._tell_phase("measure")
+        visibility = self._visibility.numpy()
+        visibility[~self._reference.in_field] = 0.0  # the light does not reach there, whatever the method wrote
+        found = measure(self._world, self._receivers, self._reference, visibility, trace.masks)
+        drawn = case_pictures(
+            self._world, self._light, self._receivers, self._reference, visibility, found.masks | trace.masks
+        )
+        files = {}
+        for index, (name, content) in enumerate(drawn.items()):
+            file = pictures / f"{os.getpid()}-{index}.png"
+            file.write_bytes(content)
+            files[name] = str(file)
+        if self._changed_count:
+            self._warnings.append(f"up to {self._changed_count} receivers changed between repeats")
+        return {
+            "columns": {name: _plain(value) for name, value in found.columns.items()},
+            "pictures": files,
+            "counters": trace.counters,
+            "kept": trace.bytes_by_name(),
+            "self_hit": self._method.self_hit_rule(),
+            "visibility_digest": self._first_digest,
+            "peak_rss_bytes": peak,
+            "warnings": self._warnings,
+        }
+
+    def close(self) -> None:
+        """Let go of the method and its memory."""
+        if self._method is not None:
+            self._method.close()
+
+    def _frame(self, *, tell: bool = False) -> tuple[float, float]:
+        """Build and shade once; return both durations [ms]."""
+        assert self._method is not None
+        wp.copy(self._visibility, self._unwritten)
+        synchronize(self._context)
+        trace = self._trace = Trace(self._context)
+        casters = self._world.casters
+        with _without_collection():
+            if tell:
+                self._tell_phase("build")
+            build_begin = time.perf_counter()
+            self._method.build(casters, self._light, self._view, self._changes, trace)
+            synchronize(self._context)
+            build_end = time.perf_counter()
+            if tell:
+                self._tell_phase("shade")
+            shade_begin = time.perf_counter()
+            self._method.shade(self._receivers, self._visibility, trace)
+            synchronize(self._context)
+            shade_end = time.perf_counter()
+        build_ms, shade_ms = (build_end - build_begin) * 1.0e3, (shade_end - shade_begin) * 1.0e3
+        self._last_ms = build_ms + shade_ms
+        self._check(trace)
+        return build_ms, shade_ms
+
+    def _check(self, trace: Trace) -> None:
+        """Hold a result to the contract and to the first result."""
+        assert self._method is not None
+        visibility = self._visibility.numpy()
+        valid = self._receivers.valid
+        seen = visibility if valid.all() else visibility[valid]
+        digest = hashlib.blake2b(seen.tobytes(), digest_size=10).hexdigest()
+        if self._first is None:
+            for breach in visibility_breaches(visibility, self._receivers):
+                raise InvalidResultError(breach)
+            self._first, self._first_digest = visibility.copy(), digest
+            self._first_counters = dict(trace.counters)
+            return
+        if digest != self._first_digest:
+            differs = (visibility != self._first).reshape(len(valid), -1).any(axis=1) & valid
+            count = int(differs.sum())
+            if self._method.deterministic:
+                raise InvalidResultError(f"{count} of {int(valid.sum())} receivers differ between two repeats")
+            for breach in visibility_breaches(visibility, self._receivers):
+                raise InvalidResultError(breach)
+            self._changed_count = max(self._changed_count, count)
+        if self._method.deterministic and trace.counters != self._first_counters:
+            raise InvalidResultError(_counter_difference(self._first_counters, trace.counters))
+
+
+def _counter_difference(first: dict[str, int], later: dict[str, int]) -> str:
+    for name in sorted(first.keys() | later.keys()):
+        if first.get(name) != later.get(name):
+            return f"counter '{name}' is {first.get(name)} in one repeat and {later.get(name)} in another"
+    return "counters differ between repeats"
+
+
+@contextmanager
+def _without_collection() -> Iterator[None]:
+    """Keep Python's garbage collector from starting while the clock runs."""
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.enable()
+
+
+def _plain(value: Any) -> Any:
+    """Return a column's value as JSON has it; what is not finite does not apply."""
+    value = value.item() if isinstance(value, np.generic) else value
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _reset_peak() -> None:
+    """Have the kernel forget the largest resident size of this process's earlier cases (Linux)."""
+    if sys.platform == "linux":
+        try:
+            Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
+        except OSError:  # not allowed in some containers; the peak is then that of the process's whole life
+            return
+
+
+def _peak_rss() -> int:
+    """Return the largest resident size so far [bytes]."""
+    try:
+        for line in Path("/proc/self/status").read_text(encoding="ascii").splitlines():
+            if line.startswith("VmHWM:"):
+                return int(line.split()[1]) * 1024
+    except OSError:
+        pass
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit

@@ -1,0 +1,88 @@
+"""One comparison: what its cases share is prepared once, then they are measured in one block or several.
+
+Where the cases do not fit in memory side by side, or some have their row from before, each further block times the
+comparison's first case again: rows of different blocks can then be compared by their ratio to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+
+from shadowbench.identity import available_cores
+from shadowbench.rows import Outcome
+from shadowbench.runner.bench import OWN_WORK_TIMEOUT_S, Bench
+from shadowbench.runner.block import Block
+from shadowbench.runner.cases import Case, Obstacle
+from shadowbench.runner.protocol import CaseFailure
+
+
+def measure_comparison(bench: Bench, cases: Sequence[Case], baseline: Case | None, budget_s: float) -> None:
+    """Give each case its row.
+
+    Args:
+        bench: The run's tools.
+        cases: Those of one comparison that have no row yet.
+        baseline: The comparison's first case that can be measured, whether it has a row or not.
+        budget_s: For the rounds of each block [s].
+    """
+    waiting = []
+    for case in cases:
+        if case.obstacle is None:
+            waiting.append(case)
+        else:
+            bench.end(case, case.obstacle)
+    if not waiting:
+        return
+    _compile_kernels(bench, waiting)
+    try:
+        entries = _prepare_view(bench, waiting[0])
+    except CaseFailure as failure:
+        obstacle = Obstacle(Outcome.ERROR, f"{waiting[0].view}: {failure.reason}", failure.stderr_tail)
+        for case in waiting:
+            bench.end(case, obstacle)
+        return
+    while waiting:
+        block = Block(bench, entries, waiting[0])
+        if baseline is not None and baseline not in waiting and baseline.case_key not in bench.failed:
+            block.load(baseline, is_repeat=True)
+        while waiting and block.has_room():
+            case = waiting.pop(0)
+            if waiting:
+                bench.pool.warm(case.threads, 2)  # the next worker starts while this one loads
+            block.load(case)
+        block.time(budget_s)
+        block.finish()
+
+
+def _compile_kernels(bench: Bench, cases: Sequence[Case]) -> None:
+    """Have the kernels of all methods compiled side by side; a worker that knows them takes no time over it."""
+    bench.observer.case_started(cases[0], "compile")
+    worker = bench.pool.take(available_cores())
+    arguments = {"methods": sorted({case.method for case in cases}), "device": cases[0].device}
+    try:
+        found = worker.ask("compile_kernels", arguments, OWN_WORK_TIMEOUT_S)
+    except CaseFailure:
+        worker.kill()  # the case whose kernels cannot be compiled will say so itself
+    else:
+        bench.kernel_ms = found | bench.kernel_ms
+        bench.park(worker)
+
+
+def _prepare_view(bench: Bench, case: Case) -> dict[str, str]:
+    """Have receivers and reference made; return the names of the cache's entries.
+
+    Raises:
+        CaseFailure: They cannot be made.
+    """
+    bench.observer.case_started(case, "prepare")
+    cores = available_cores()
+    worker = bench.pool.take(cores)
+    arguments = {"cache": bench.cache, "view": asdict(case.view), "threads": cores}
+    try:
+        entries: dict[str, str] = worker.ask("prepare", arguments, OWN_WORK_TIMEOUT_S)
+    except CaseFailure:
+        worker.kill()
+        raise
+    bench.park(worker)
+    return entries

@@ -1,0 +1,121 @@
+"""Names and parameters, as written, against the plugins that exist: the worker's part of making a plan.
+
+Everything returned is a JSON value, since the runner itself never imports a plugin.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pydantic import BaseModel
+from pydantic_core import PydanticUndefined, to_jsonable_python
+
+from shadowbench.choices import Choice
+from shadowbench.errors import UsageError
+from shadowbench.identity import code_digest, file_digest, key_of, library_version
+from shadowbench.parameters import parse_parameters
+
+if TYPE_CHECKING:
+    from shadowbench.plugins import Registry
+
+MESH_FILE = "mesh-file"
+"""The scene that a mesh file's path stands for; its parameter ``path`` takes it."""
+
+
+def describe_device(device: str) -> dict[str, Any]:
+    """Return what a plan needs to know about a Warp device and about the code that every case uses.
+
+    Raises:
+        UsageError: There is no such device.
+    """
+    import warp as wp
+
+    from shadowbench.metrics import METRIC_VERSION
+
+    try:
+        found = wp.get_device(device)
+    except Exception:  # noqa: BLE001 - Warp raises several kinds
+        known = ", ".join(str(d) for d in wp.get_devices())
+        raise UsageError(f"there is no device '{device}'; this machine has: {known}") from None
+    return {
+        "kind": "cuda" if found.is_cuda else "cpu",
+        "truth": key_of([code_digest("shadowbench.camera_pass"), code_digest("shadowbench.reference")]),
+        "metric_version": METRIC_VERSION,
+        "warp": library_version("warp-lang") or "",
+    }
+
+
+def describe_method(registry: Registry, name: str) -> dict[str, Any]:
+    """Return what a plan needs to know about a method.
+
+    Raises:
+        PluginError: There is no such method, or it cannot be loaded.
+    """
+    method = registry.method(name)
+    versions = getattr(method, "library_versions", dict)
+    fields = method.Parameters.model_fields
+    all_defaults = {name: info.get_default(call_default_factory=True) for name, info in fields.items()}
+    defaults = {name: value for name, value in all_defaults.items() if value is not PydanticUndefined}
+    return {
+        "defaults": to_jsonable_python(defaults),
+        "title": method.title,
+        "devices": sorted(method.devices),
+        "deterministic": method.deterministic,
+        "view_dependent": method.view_dependent,
+        "code": code_digest(method.__module__),
+        "libraries": dict(versions()),
+        "unavailable": method.available(),
+    }
+
+
+def resolve_parameters(plugin: type[Any], owner: str, values: dict[str, Any]) -> dict[str, Any]:
+    """Return all parameters with the defaults filled in, as JSON values.
+
+    Raises:
+        ParameterError: An unknown name or a value out of range.
+    """
+    return parse_parameters(plugin.Parameters, values, owner=owner).model_dump(mode="json")
+
+
+def resolve_scene(registry: Registry, name: str, values: dict[str, Any]) -> dict[str, Any]:
+    """Return a scene's plugin, what to call it, its parameters, and the key of the world it will give.
+
+    Args:
+        registry: The plugins.
+        name: A scene's name or a mesh file's path.
+        values: Its parameters as written.
+
+    Raises:
+        PluginError: There is no such scene, or it cannot be loaded.
+        ParameterError: An unknown name or a value out of range.
+    """
+    shown = name
+    if Choice(name).is_mesh_file:
+        name, values, shown = MESH_FILE, values | {"path": name}, Path(name).name
+    plugin = registry.scene(name)
+    parameters = parse_parameters(plugin.Parameters, values, owner=f"scene '{shown}'")
+    files = _files_of(parameters)
+    portable = {key: value for key, value in parameters.model_dump(mode="json").items() if key not in files}
+    code = [code_digest(plugin.__module__), code_digest("shadowbench.world")]
+    content = {key: _digest_or_nothing(path) for key, path in files.items()}
+    return {
+        "plugin": name,
+        "name": shown,
+        "parameters": parameters.model_dump(mode="json"),
+        "portable_parameters": portable,
+        "key": key_of([name, portable, content, code]),
+    }
+
+
+def _files_of(parameters: BaseModel) -> dict[str, Path]:
+    """Parameters that are paths: the files' content counts, not where they lie."""
+    values = {name: getattr(parameters, name) for name in type(parameters).model_fields}
+    return {name: value for name, value in values.items() if isinstance(value, Path)}
+
+
+def _digest_or_nothing(path: Path) -> str:
+    try:
+        return file_digest(path.expanduser())
+    except OSError:
+        return ""  # making the scene will say what is wrong with it

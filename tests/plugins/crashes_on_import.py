@@ -1,0 +1,5 @@
+"""A plugin file that takes its process down."""
+
+import os
+
+os.abort()

@@ -1,0 +1,207 @@
+"""Methods that each break in one way."""
+
+import ctypes
+import os
+import signal
+import sys
+import time
+
+import numpy as np
+
+from shadowbench.method import Method
+from shadowbench.parameters import ParameterModel, parameter
+
+
+class _Lit(Method):
+    """Everything is lit."""
+
+    title = "Lit, but"
+
+    def build(self, casters, light, view, changes, trace):
+        pass
+
+    def shade(self, receivers, visibility, trace):
+        visibility.fill_(1.0)
+        trace.count("receivers", receivers.count)
+
+
+class Raises(_Lit):
+    name = "raises"
+
+    def build(self, casters, light, view, changes, trace):
+        print("a word before the end")
+        raise ValueError("no tree could be built\nsecond line")
+
+
+class RaisesLater(_Lit):
+    name = "raises-later"
+    frames = 0
+
+    def shade(self, receivers, visibility, trace):
+        super().shade(receivers, visibility, trace)
+        self.frames += 1
+        if self.frames > 4:
+            raise RuntimeError("tired")
+
+
+class Exits(_Lit):
+    name = "exits"
+
+    def build(self, casters, light, view, changes, trace):
+        os._exit(7)
+
+
+class ExitsPolitely(_Lit):
+    name = "exits-politely"
+
+    def build(self, casters, light, view, changes, trace):
+        sys.exit("enough")
+
+
+class Segfaults(_Lit):
+    name = "segfaults"
+
+    def shade(self, receivers, visibility, trace):
+        ctypes.string_at(0)
+
+
+class WritesToReceivers(_Lit):
+    name = "writes-to-receivers"
+
+    def shade(self, receivers, visibility, trace):
+        receivers.on("cpu").position.fill_(0.0)
+
+
+class Aborts(_Lit):
+    name = "aborts"
+
+    def shade(self, receivers, visibility, trace):
+        os.abort()
+
+
+class Loops(_Lit):
+    name = "loops"
+
+    def shade(self, receivers, visibility, trace):
+        while True:
+            pass
+
+
+class LoopsInC(_Lit):
+    """Holds the interpreter lock and ignores what may be ignored."""
+
+    name = "loops-in-c"
+
+    def shade(self, receivers, visibility, trace):
+        for number in (signal.SIGTERM, signal.SIGINT, signal.SIGABRT, signal.SIGHUP):
+            signal.signal(number, signal.SIG_IGN)
+        (10**8) ** (10**7)
+
+
+class Starts(_Lit):
+    """Leaves a process of its own behind."""
+
+    name = "starts-a-process"
+
+    def shade(self, receivers, visibility, trace):
+        if os.fork() == 0:
+            time.sleep(1000)
+        while True:
+            time.sleep(1)
+
+
+class Allocates(_Lit):
+    name = "allocates"
+
+    def shade(self, receivers, visibility, trace):
+        kept = []
+        while True:
+            kept.append(np.ones(4 << 20))
+
+
+class AllocatesAtOnce(_Lit):
+    name = "allocates-at-once"
+
+    def shade(self, receivers, visibility, trace):
+        np.empty(1 << 55)
+
+
+class Nan(_Lit):
+    name = "nan"
+
+    def shade(self, receivers, visibility, trace):
+        visibility.numpy()[:] = 1.0
+        visibility.numpy()[5:8] = np.nan
+
+
+class Unwritten(_Lit):
+    name = "unwritten"
+
+    def shade(self, receivers, visibility, trace):
+        visibility.numpy()[10:] = 1.0
+
+
+class OutOfRange(_Lit):
+    name = "out-of-range"
+
+    def shade(self, receivers, visibility, trace):
+        visibility.fill_(1.5)
+
+
+class Fickle(_Lit):
+    name = "fickle"
+    frames = 0
+
+    def shade(self, receivers, visibility, trace):
+        visibility.fill_(1.0)
+        self.frames += 1
+        visibility.numpy()[: self.frames] = 0.0
+
+
+class FickleAllowed(Fickle):
+    name = "fickle-allowed"
+    deterministic = False
+
+
+class FickleCounter(_Lit):
+    name = "fickle-counter"
+    frames = 0
+
+    def shade(self, receivers, visibility, trace):
+        super().shade(receivers, visibility, trace)
+        self.frames += 1
+        trace.count("frames", self.frames)
+
+
+class WrongMask(_Lit):
+    name = "wrong-mask"
+
+    def explain(self, receivers, trace):
+        trace.mask("classified", np.ones(3))
+
+
+class Unsupporting(_Lit):
+    name = "unsupporting"
+
+    def supports(self, world, light):
+        return "it likes no light"
+
+
+class Unavailable(_Lit):
+    name = "unavailable"
+
+    @classmethod
+    def available(cls):
+        return "needs a library that nobody has"
+
+
+class CudaOnly(_Lit):
+    name = "cuda-only"
+    devices = frozenset({"cuda"})
+
+
+class Good(_Lit):
+    name = "good"
+
+    class Parameters(ParameterModel):
+        level: int = parameter(1, unit="1", help="Makes cases different.", ge=0, le=100)

@@ -1,0 +1,1 @@
+"""A shadow technique and a scene from somebody else."""

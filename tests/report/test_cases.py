@@ -1,0 +1,51 @@
+"""Rows put together by view, and what a card says."""
+
+from __future__ import annotations
+
+import shlex
+
+from stored_rows import some_row, some_run
+
+from shadowbench.experiment import parse_choice, parse_size
+from shadowbench.report.cases import by_view, reproduce_command, scene_views, titles
+from shadowbench.report.embedding import Embedder
+
+
+def test_rows_that_share_a_reference_stand_together() -> None:
+    rows = [some_row("a"), some_row("b", light="lamp"), some_row("c"), some_row("d", scene_parameters={"height": 1.0})]
+    assert [[row.method for row in group] for group in by_view(rows)] == [["a", "c"], ["b"], ["d"]]
+
+
+def test_titles_show_only_parameters_that_differ() -> None:
+    rows = [some_row("pcf", method_parameters={"resolution": r, "kernel": 3}) for r in (256, 512)]
+    assert titles([*rows, some_row("esm")], some_run()) == ["pcf(resolution=256)", "pcf(resolution=512)", "esm"]
+
+
+def test_titles_of_equal_methods_are_told_apart_by_threads() -> None:
+    rows = [some_row("pcf", threads=1), some_row("pcf", threads=2), some_row("esm", threads=2)]
+    assert titles(rows, some_run()) == ["pcf, threads: 1", "pcf, threads: 2", "esm"]
+
+
+def test_stages_and_what_they_leave_add_up() -> None:
+    row = some_row(build_ms=6.0, shade_ms=4.0, stages={"fill": 5.0, "look-up": 3.0})
+    (view,) = scene_views(some_run(), [row], Embedder(lambda name: b"", picture_count=0, byte_budget=0))
+    assert [(stage.name, stage.share) for stage in view.cards[0].stages] == [
+        ("fill", 50.0),
+        ("look-up", 30.0),
+        ("not in any stage", 20.0),
+    ]
+
+
+def test_command_names_the_same_case_again() -> None:
+    row = some_row(
+        scene_parameters={"path": "a folder/with, commas.ply", "height": 0.1 + 0.2},
+        method_parameters={"resolution": 512, "receiver_plane": True, "near": None},
+    )
+    words = shlex.split(reproduce_command(row))
+    option = dict(zip(words[2::2], words[3::2], strict=True))
+    scene, method = parse_choice(option["--scene"]), parse_choice(option["--method"])
+    assert (scene.name, method.name) == (row.scene, row.method)
+    assert scene.values == {"path": ("a folder/with, commas.ply",), "height": (repr(0.1 + 0.2),)}
+    assert method.values == {"resolution": ("512",), "receiver_plane": ("true",)}
+    assert parse_size(option["--size"]) == (row.width, row.height)
+    assert (option["--light"], option["--camera"], option["--threads"]) == ("sun", "main", "2")

@@ -1,0 +1,187 @@
+"""The page as a whole: well-formed, closed to the network, and safe whatever the rows say."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import os
+import re
+from collections.abc import Callable
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+from stored_rows import some_row, with_pictures
+
+from shadowbench import report
+from shadowbench.errors import UsageError
+from shadowbench.pictures import FAILURE_COLOURS
+from shadowbench.report.page import LEGEND
+from shadowbench.rows import Outcome, ResultRow, RunRecord, RunStatus
+from shadowbench.store import Store
+
+Add = Callable[..., ResultRow]
+
+HOSTILE = "<script>alert('x')</script>\"'&{{ 7*7 }}\x1b[31m\u202ered\x00"
+VOID = {"meta", "img", "br", "rect", "link", "input", "hr"}
+
+
+class Reader(HTMLParser):
+    """Collects elements and text, and demands that every element is closed where it should be."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.elements: list[tuple[str, dict[str, str | None]]] = []
+        self.text = ""
+        self.scripts: list[str] = []
+        self.styles: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag not in VOID:
+            assert self.open, f"</{tag}> closes nothing"
+            assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if self.open and self.open[-1] == "script":
+            self.scripts.append(data)
+        elif self.open and self.open[-1] == "style":
+            self.styles.append(data)
+        else:
+            self.text += data
+
+
+def read(page: str) -> Reader:
+    reader = Reader()
+    reader.feed(page)
+    reader.close()
+    assert reader.open == []
+    return reader
+
+
+def test_page_is_well_formed_with_every_outcome(store: Store, run: RunRecord, add: Add) -> None:
+    for outcome in Outcome:
+        add(f"method-{outcome.value}", outcome=outcome, reason=f"because of {outcome.value}", pictures=outcome == "ok")
+    reader = read(report.html(store, run))
+    for outcome in Outcome:
+        assert f"method-{outcome.value}" in reader.text
+        assert f"because of {outcome.value}" in reader.text
+    identifiers = [attributes["id"] for _, attributes in reader.elements if "id" in attributes]
+    assert len(identifiers) == len(set(identifiers))
+    linked = {a["href"] for tag, a in reader.elements if tag == "a"}
+    assert linked <= {f"#{identifier}" for identifier in identifiers}
+
+
+def test_run_without_rows_has_a_page(store: Store, run: RunRecord) -> None:
+    assert "No case has been measured" in read(report.html(store, run)).text
+
+
+def test_page_loads_nothing(store: Store, run: RunRecord, add: Add) -> None:
+    add(pictures=True)
+    page = report.html(store, run)
+    reader = read(page)
+    for tag, attributes in reader.elements:
+        for name in ("src", "href", "srcset", "data", "action", "poster", "xlink:href"):
+            address = attributes.get(name) or ""
+            assert address == "" or address.startswith(("data:image/webp;base64,", "#")), (tag, name)
+    assert "http://" not in page
+    assert "https://" not in page
+    assert not re.search(r"url\(|@import", "".join(reader.styles))
+    assert all("style" not in attributes for _, attributes in reader.elements)
+
+
+def test_policy_admits_only_the_pages_own_style_and_script(store: Store, run: RunRecord, add: Add) -> None:
+    add()
+    reader = read(report.html(store, run))
+    policy = next(a["content"] or "" for _, a in reader.elements if a.get("http-equiv") == "Content-Security-Policy")
+    assert policy.startswith("default-src 'none'; img-src data:;")
+    assert "unsafe" not in policy
+    for texts, directive in ((reader.scripts, "script-src"), (reader.styles, "style-src")):
+        digest = base64.b64encode(hashlib.sha256("".join(texts).encode()).digest()).decode()
+        assert f"{directive} 'sha256-{digest}'" in policy
+
+
+def test_hostile_text_appears_as_text(store: Store, run: RunRecord, add: Add) -> None:
+    names = dict.fromkeys(("method", "method_title", "scene", "light", "camera", "reason", "stderr_tail"), HOSTILE)
+    add(**names, outcome="error", warnings=[HOSTILE], method_parameters={HOSTILE: HOSTILE}, self_hit=HOSTILE)
+    add(counters={HOSTILE: 1}, stages={HOSTILE: 1.0}, kept={HOSTILE: 1}, scene_parameters={HOSTILE: HOSTILE})
+    hostile_run = run.model_copy(
+        update={"title": HOSTILE, "argv": [HOSTILE], "machine": HOSTILE, "environment": {HOSTILE: {HOSTILE: HOSTILE}}}
+    )
+    page = report.html(store, hostile_run)
+    reader = read(page)
+    assert [tag for tag, _ in reader.elements].count("script") == 1
+    assert "alert('x')" in reader.text
+    assert "{{ 7*7 }}" in reader.text
+    assert not set(page) & {"\x1b", "\u202e", "\x00"}
+
+
+def test_very_long_reason_is_cut(store: Store, run: RunRecord, add: Add) -> None:
+    add(outcome="error", reason="long " * 100_000, stderr_tail="line\n" * 100_000)
+    assert len(report.html(store, run)) < 100_000
+
+
+def test_size_is_bounded_for_many_noisy_pictures(store: Store, run: RunRecord, monkeypatch: pytest.MonkeyPatch) -> None:
+    budget = 400_000
+    monkeypatch.setattr("shadowbench.report.embedding.PICTURE_BYTES", budget)
+    for _ in range(4):
+        store.add_row(with_pictures(store, some_row(), size=(640, 480)))
+    pictures = [len(a["src"] or "") for tag, a in read(report.html(store, run)).elements if tag == "img"]
+    assert len(pictures) == 9
+    assert budget / 2 < sum(pictures) < 4 / 3 * budget + 1000
+
+
+def test_reference_is_embedded_once_a_view(store: Store, run: RunRecord, add: Add) -> None:
+    for method in ("pcf", "esm", "vsm"):
+        add(method, pictures=True)
+    add("pcf", pictures=True, experiment="another")
+    words = [a["alt"] or "" for tag, a in read(report.html(store, run)).elements if tag == "img"]
+    assert len([text for text in words if text.startswith("Ray-traced reference")]) == 1
+
+
+def test_lost_picture_is_said_in_its_place(store: Store, run: RunRecord, add: Add) -> None:
+    row = add(pictures=True)
+    for name in row.artifacts.values():
+        store.artifacts.path(name).write_bytes(b"")
+    reader = read(report.html(store, run))
+    assert "img" not in [tag for tag, _ in reader.elements]
+    assert "No picture was kept" in reader.text
+
+
+def test_interrupted_run_says_what_is_missing(store: Store, run: RunRecord, add: Add) -> None:
+    add()
+    partial = run.model_copy(update={"status": RunStatus.INTERRUPTED, "case_count": 5})
+    text = read(report.html(store, partial)).text
+    assert "interrupted" in text
+    assert "4 of 5 planned cases have not been measured" in text
+
+
+def test_write_replaces_the_file_and_leaves_nothing_beside_it(store: Store, run: RunRecord, tmp_path: Path) -> None:
+    path = tmp_path / "new" / "folder" / "page.html"
+    report.write(store, run, path)
+    assert report.write(store, run, path) == path
+    assert path.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
+    assert [entry.name for entry in path.parent.iterdir()] == ["page.html"]
+
+
+def test_unwritable_path_is_a_usage_error(store: Store, run: RunRecord, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="cannot be written"):
+        report.write(store, run, tmp_path)
+    assert not [entry for entry in tmp_path.parent.iterdir() if str(os.getpid()) in entry.name]
+
+
+def test_legend_explains_every_colour_of_the_pictures() -> None:
+    assert {name for name, _, _ in LEGEND} == {name.replace("_", " ") for name in FAILURE_COLOURS}
+
+
+def test_report_needs_no_warp() -> None:
+    import subprocess
+    import sys
+
+    code = "import sys, shadowbench.report.page, shadowbench.report.summary; sys.exit('warp' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
