@@ -177,6 +177,11 @@ class Method(ABC):
         """Return why the method cannot run on this machine (a missing extra, say), or ``None`` if it can."""
         return None
 
+    @classmethod
+    def library_versions(cls) -> dict[str, str]:
+        """Return the versions of libraries, other than Warp, on which its results depend: another is another result."""
+        return {}
+
     def supports(self, world: World, light: Light) -> str | None:
         """Return a reason to skip this scene and light, or ``None``."""
         return None

@@ -8,13 +8,13 @@ Warp array that :meth:`Receivers.on` returns.
 
 from __future__ import annotations
 
-import functools
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from shadowbench.per_device import once_per_device
 from shadowbench.scene import Vector
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ class DeviceReceivers:
         return int(self.position.shape[0])
 
 
-@functools.lru_cache(maxsize=4)
+@once_per_device
 def _device_receivers(receivers: Receivers, device: str) -> DeviceReceivers:
     import warp as wp  # lazily: pictures and measures are made without Warp
 

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.errors import SceneError
+from shadowbench.per_device import once_per_device
 from shadowbench.scene import (
     Camera,
     DirectionalLight,
@@ -128,7 +129,7 @@ class DeviceTriangles:
         return self.triangles.shape[0] // 3
 
 
-@functools.lru_cache(maxsize=8)
+@once_per_device
 def _device_triangles(owner: Casters | World, device: str) -> DeviceTriangles:
     import warp as wp  # lazily: authoring and listing scenes needs no Warp
 

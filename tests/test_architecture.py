@@ -12,9 +12,10 @@ ROOMS: dict[str, set[str]] = {
     "errors": set(),
     "parameters": {"errors"},
     "scene": {"errors"},
-    "world": {"errors", "scene", "device"},
+    "per_device": set(),
+    "world": {"errors", "scene", "device", "per_device"},
     "light_space": {"errors", "scene", "world"},
-    "receivers": {"scene", "device"},
+    "receivers": {"scene", "device", "per_device"},
     # device code: knows frames and lights, never a method
     "device": {"errors", "scene", "world", "light_space", "receivers"},
     "method": {"errors", "scene", "world", "light_space", "receivers", "device"},

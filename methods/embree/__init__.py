@@ -78,6 +78,10 @@ class Embree(Method):
         self._pool = ThreadPoolExecutor(context.threads, thread_name_prefix="shadowbench-embree")
 
     @classmethod
+    def library_versions(cls) -> dict[str, str]:
+        return {"embreex": version("embreex")}
+
+    @classmethod
     def available(cls) -> str | None:
         try:
             installed = version("embreex")

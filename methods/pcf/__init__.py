@@ -22,7 +22,6 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 from pydantic import model_validator
-from shadowbench.methods.pcf.kernels import filter_bilinear, filter_weighted
 
 from shadowbench.device.arrays import as_warp
 from shadowbench.device.depth_maps import DepthMaps
@@ -30,6 +29,7 @@ from shadowbench.device.launch import launch
 from shadowbench.device.shadow_lookup import LightMaps, light_maps
 from shadowbench.light_space import light_frames
 from shadowbench.method import Changes, LightSpaceKernel, Method, Trace, View
+from shadowbench.methods.pcf.kernels import filter_bilinear, filter_weighted
 from shadowbench.parameters import ParameterModel, parameter
 from shadowbench.receivers import Receivers
 from shadowbench.scene import Light, RectangularLight

@@ -21,13 +21,13 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 import warp as wp
-from shadowbench.methods.shadow_map.kernels import compare_nearest_texel
 
 from shadowbench.device.depth_maps import DepthMaps
 from shadowbench.device.launch import launch
 from shadowbench.device.shadow_lookup import LightMaps, light_maps
 from shadowbench.light_space import light_frames
 from shadowbench.method import Changes, Method, Trace, View
+from shadowbench.methods.shadow_map.kernels import compare_nearest_texel
 from shadowbench.parameters import ParameterModel, parameter
 from shadowbench.receivers import Receivers
 from shadowbench.scene import Light, RectangularLight

@@ -4,7 +4,7 @@ A ray walks the tree with two eight-wide float32 tests written as native bodies,
 over the triangles of a pack. Both only ever reject: what they let through goes to the exact predicate
 (:mod:`shadowbench.device.visibility`), so results are the predicate's, bit for bit, whatever the filters round. The
 bound behind the box test is derived in :mod:`shadowbench.device.triangle_tree`, the one behind the edge test at
-:func:`edges_not_missed`. Kernels at the end make what tracers share: the usual offset rays, and shadow rays along them.
+:func:`triangles_not_missed`. Kernels at the end make what tracers share: the usual offset rays, and shadow rays along them.
 """
 
 import warp as wp
@@ -34,8 +34,8 @@ LIMIT_SLACK = wp.constant(wp.float32(1.000001))
 SHORT_OF_LIGHT = wp.constant(wp.float64(1.0 - 2.0**-23))
 """Where an offset ray ends that runs up to a light at 1."""
 
-EDGE_MARGIN = wp.constant(wp.float32(16.0 * 2.0**-23))
-"""Rounding of a corner's offset from the ray in the edge test, relative to the scene's largest coordinate."""
+CORNER_MARGIN = wp.constant(wp.float32(16.0 * 2.0**-23))
+"""Rounding of a corner's offset from the ray in the triangle test, relative to the scene's largest coordinate."""
 
 
 @wp.struct
@@ -49,7 +49,7 @@ class Ray:
         tolerance: Planes within this distance of the origin do not count [scene units].
         axis: Of the direction's largest component, along which the filters measure.
         unit: Length of that component.
-        inverse: One over the direction scaled by ``unit``.
+        inverse: One over the direction scaled by ``unit``; ±1 along ``axis``.
         shear: The other two components of that direction, in the order of the axes, over the component along ``axis``.
     """
 
@@ -138,27 +138,31 @@ def boxes_crossed(
     lanes band = margin * (sum + margin);
     lanes least = u < v ? u : v, most = u > v ? u : v;
     least = least < w ? least : w, most = most > w ? most : w;
-    lane_bits missed = __builtin_convertvector((least < -band) & (most > band), lane_bits);
+    lanes foremost = ak * forward, b_ahead = bk * forward, c_ahead = ck * forward;
+    foremost = foremost > b_ahead ? foremost : b_ahead, foremost = foremost > c_ahead ? foremost : c_ahead;
+    lane_bits missed = __builtin_convertvector(((least < -band) & (most > band)) | (foremost < -margin), lane_bits);
     unsigned char mask;
     __builtin_memcpy(&mask, &missed, 1);
     return (uint32_t)(unsigned char)~mask;
 """)
-def edges_not_missed(
+def triangles_not_missed(
     corners: wp.array[wp.float32],
     pack: wp.int32,
     origin: wp.vec3,
     axis: wp.int32,
+    forward: wp.float32,
     shear: wp.vec2,
     margin: wp.float32,
 ) -> wp.uint32:
-    """Which triangles of a pack the ray's line does not certainly miss, as a bit a lane.
+    """Which triangles of a pack the ray does not certainly miss, as a bit a lane.
 
     Corners are taken relative to the origin and sheared so that the ray runs along its axis; the signs of the edge
     functions then tell inside from outside (Woop et al. 2013, Watertight ray/triangle intersection, section 3.1). With
     u = 2^-24, S the largest coordinate and origins within 1.35 S, each sheared coordinate is wrong by at most
     u (1 + 3) 2.35 S + u 4.7 S < 8 ulp(S), and a product of two by their sizes times u; together the edge function of
     two corners is wrong by less than ``margin * (sum of their coordinates + margin)`` with ``margin`` = 16 ulp(S). A
-    triangle is rejected only where two edge functions exceed that with opposite signs.
+    triangle is rejected where two edge functions exceed that with opposite signs, or where it lies behind the origin by
+    more than ``margin``; ``forward`` is the sign of the direction along the axis.
     """
 
 
@@ -250,7 +254,10 @@ def crossing_in_pack(tree: Tree, ray: Ray, pack: wp.int32, lane: wp.int32):
 
 @wp.func
 def candidates_in_pack(tree: Tree, ray: Ray, pack: wp.int32):
-    return edges_not_missed(tree.corners, pack, ray.origin, ray.axis, ray.shear, EDGE_MARGIN * tree.scale)
+    forward = ray.inverse[ray.axis]
+    return triangles_not_missed(
+        tree.corners, pack, ray.origin, ray.axis, forward, ray.shear, CORNER_MARGIN * tree.scale
+    )
 
 
 @wp.func

@@ -24,8 +24,8 @@ from shadowbench.runner.protocol import CaseFailure
 from shadowbench.runner.rounds import interval_of, order_of
 from shadowbench.runner.row_making import Timing, measured_row
 
-MOST_PARKED = 48
-"""Workers side by side; more would fill the process table before they fill the memory."""
+MOST_PARKED = 16
+"""Workers side by side: a large sweep reuses this many instead of starting one for each of its cases."""
 
 _LEAST_WORKER_BYTES = 400 << 20
 _SPARE_MEMORY = 0.8

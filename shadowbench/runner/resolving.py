@@ -53,7 +53,7 @@ def describe_method(registry: Registry, name: str) -> dict[str, Any]:
         PluginError: There is no such method, or it cannot be loaded.
     """
     method = registry.method(name)
-    versions = getattr(method, "library_versions", dict)
+    unavailable = method.available()
     fields = method.Parameters.model_fields
     all_defaults = {name: info.get_default(call_default_factory=True) for name, info in fields.items()}
     defaults = {name: value for name, value in all_defaults.items() if value is not PydanticUndefined}
@@ -64,8 +64,8 @@ def describe_method(registry: Registry, name: str) -> dict[str, Any]:
         "deterministic": method.deterministic,
         "view_dependent": method.view_dependent,
         "code": code_digest(method.__module__),
-        "libraries": dict(versions()),
-        "unavailable": method.available(),
+        "libraries": method.library_versions() if unavailable is None else {},
+        "unavailable": unavailable,
     }
 
 

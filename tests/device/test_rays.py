@@ -9,11 +9,11 @@ from shadowbench.device.launch import Context, kernel_options, launch
 from shadowbench.device.rays import (
     OffsetRays,
     boxes_crossed,
-    edges_not_missed,
     is_blocked,
     lowest_lane,
     make_ray,
     nearest_blocker,
+    triangles_not_missed,
 )
 from shadowbench.device.triangle_tree import TriangleTree
 from shadowbench.device.triangle_tree_kernels import Tree
@@ -243,7 +243,7 @@ def filter_lanes(
     limit: wp.float32,
     margin: wp.float32,
     boxes: wp.array[wp.uint32],
-    edges: wp.array[wp.uint32],
+    triangles: wp.array[wp.uint32],
     lowest: wp.array[wp.int32],
     inverse: wp.array[wp.vec3],
     shear: wp.array[wp.vec2],
@@ -252,7 +252,8 @@ def filter_lanes(
     i = wp.tid() + first
     ray = make_ray(origin[i], towards[i], wp.float64(1.0), wp.float64(0.0))
     boxes[i] = boxes_crossed(bounds, i, ray.origin, ray.inverse, limit)
-    edges[i] = edges_not_missed(corners, i, ray.origin, ray.axis, ray.shear, margin)
+    forward = ray.inverse[ray.axis]
+    triangles[i] = triangles_not_missed(corners, i, ray.origin, ray.axis, forward, ray.shear, margin)
     lowest[i] = lowest_lane(boxes[i] | wp.uint32(0x80000000))
     inverse[i] = ray.inverse
     shear[i] = ray.shear
@@ -282,7 +283,7 @@ def test_the_native_filters_round_as_float32_numpy_does():
         margin,
     ]
     launch(filter_lanes, count, inputs, outputs, context=CONTEXT)
-    boxes, edges, lowest, inverse, shear, axis = (o.numpy() for o in outputs)
+    boxes, triangles, lowest, inverse, shear, axis = (o.numpy() for o in outputs)
 
     np.testing.assert_array_equal(axis, np.abs(towards).argmax(axis=1))
     sides = (box - origin[:, None, :, None]) * inverse[:, None, :, None]
@@ -307,8 +308,10 @@ def test_the_native_filters_round_as_float32_numpy_does():
     for corner in (1, 2):
         total = total + np.abs(x[:, corner]) + np.abs(y[:, corner])
     band = margin * (total + margin)
-    kept = ~((edge.min(axis=1) < -band) & (edge.max(axis=1) > band))
-    np.testing.assert_array_equal(edges, (kept * bits).sum(axis=1))
+    behind = (k * np.sign(towards[rows, axis])[:, None, None]).max(axis=1) < -margin
+    kept = ~((edge.min(axis=1) < -band) & (edge.max(axis=1) > band)) & ~behind
+    np.testing.assert_array_equal(triangles, (kept * bits).sum(axis=1))
+    assert behind.any()
 
 
 @pytest.mark.parametrize("threads", [1, 2])

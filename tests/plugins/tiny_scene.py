@@ -28,7 +28,10 @@ class Tiny(ScenePlugin):
             meshes=(Mesh("ground", *square(parameters.ground, 0.0)), Mesh("square", *square(HALF, LIFT))),
             instances=(Instance(0), Instance(1)),
             lights={"sun": DirectionalLight((0.5, 1.0, 0.0)), "lamp": PointLight((0.5, 3.0, 0.0))},
-            cameras={"above": Camera((0.0, 6.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, -1.0)), "side": Camera((3, 3, 3), (0, 0, 0))},
+            cameras={
+                "above": Camera((0.0, 6.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, -1.0)),
+                "side": Camera((3, 3, 3), (0, 0, 0)),
+            },
         )
 
 
