@@ -70,8 +70,8 @@ class Embree(Method):
 
     parameters: EmbreeParameters
     _scene: Any = None
-    _casters: Casters
     _light: Light
+    _offset: float
 
     def __init__(self, parameters: EmbreeParameters, context: Context) -> None:
         super().__init__(parameters, context)
@@ -105,7 +105,8 @@ class Embree(Method):
         return f"offset:{self.parameters.offset:g}"
 
     def build(self, casters: Casters, light: Light, view: View, changes: Changes, trace: Trace) -> None:
-        self._casters, self._light = casters, light
+        self._light = light
+        self._offset = self.parameters.offset * casters.world.diagonal()
         if casters.triangle_count > 0 and (self._scene is None or changes.instances):
             from embreex.mesh_construction import TriangleMesh
             from embreex.rtcore_scene import EmbreeScene
@@ -126,8 +127,7 @@ class Embree(Method):
             asked = receivers.valid & is_in_field_of_view(self._light, receivers.position)
             kept = slice(None) if asked.all() else np.flatnonzero(asked)
         with trace.stage("ray generation"):
-            offset = self.parameters.offset * self._casters.world.diagonal()
-            rays = OffsetRays(receivers, self._light, offset, self.context)
+            rays = OffsetRays(receivers, self._light, self._offset, self.context)
             origin, towards, reach = (a.numpy()[kept] for a in (rays.origin, rays.towards, rays.reach))
         with trace.stage("shadow rays"):
             lit = visibility.numpy()

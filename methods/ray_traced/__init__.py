@@ -68,6 +68,7 @@ class RayTraced(Method):
     _tree: TriangleTree | None = None
     _casters: Casters
     _light: Light
+    _offset: float
 
     def supports(self, world: World, light: Light) -> str | None:
         if isinstance(light, RectangularLight):
@@ -83,6 +84,7 @@ class RayTraced(Method):
 
     def build(self, casters: Casters, light: Light, view: View, changes: Changes, trace: Trace) -> None:
         self._casters, self._light = casters, light
+        self._offset = self.parameters.offset * casters.world.diagonal()
         with trace.stage("BVH construction"):
             if self._tree is None or self._tree.triangle_count != casters.triangle_count:
                 self._tree = TriangleTree(casters.triangle_count, self.context)
@@ -131,8 +133,7 @@ class RayTraced(Method):
         self, tree: Tree, receivers: Receivers, asked: NDArray[np.bool_], visibility: wp.array[Any], trace: Trace
     ) -> None:
         with trace.stage("ray generation"):
-            offset = self.parameters.offset * self._casters.world.diagonal()
-            rays = OffsetRays(receivers, self._light, offset, self.context)
+            rays = OffsetRays(receivers, self._light, self._offset, self.context)
         with trace.stage("shadow rays"):
             launch(
                 trace_from_offset,

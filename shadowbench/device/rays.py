@@ -3,8 +3,9 @@
 A ray walks the tree with two eight-wide float32 tests written as native bodies, one over the boxes of a node and one
 over the triangles of a pack. Both only ever reject: what they let through goes to the exact predicate
 (:mod:`shadowbench.device.visibility`), so results are the predicate's, bit for bit, whatever the filters round. The
-bound behind the box test is derived in :mod:`shadowbench.device.triangle_tree`, the one behind the edge test at
-:func:`triangles_not_missed`. Kernels at the end make what tracers share: the usual offset rays, and shadow rays along them.
+bound behind the box test is derived in :mod:`shadowbench.device.triangle_tree`, the one behind the triangle test at
+:func:`triangles_not_missed`. At the end stand the two kernels that more than one tracer needs: nearest blockers, and
+the usual offset rays.
 """
 
 import warp as wp
@@ -140,10 +141,11 @@ def boxes_crossed(
     least = least < w ? least : w, most = most > w ? most : w;
     lanes foremost = ak * forward, b_ahead = bk * forward, c_ahead = ck * forward;
     foremost = foremost > b_ahead ? foremost : b_ahead, foremost = foremost > c_ahead ? foremost : c_ahead;
-    lane_bits missed = __builtin_convertvector(((least < -band) & (most > band)) | (foremost < -margin), lane_bits);
+    // written so that an absent triangle, all NaN, is not kept
+    lane_bits kept = __builtin_convertvector(((least >= -band) | (most <= band)) & (foremost >= -margin), lane_bits);
     unsigned char mask;
-    __builtin_memcpy(&mask, &missed, 1);
-    return (uint32_t)(unsigned char)~mask;
+    __builtin_memcpy(&mask, &kept, 1);
+    return (uint32_t)mask;
 """)
 def triangles_not_missed(
     corners: wp.array[wp.float32],

@@ -25,8 +25,8 @@ import warp as wp
 
 from shadowbench.device.launch import Context, launch
 from shadowbench.device.triangle_tree_kernels import (
-    CURVE_BITS,
     LANES,
+    MOST_CURVE_BITS,
     Tree,
     enclose_children,
     fill_packs,
@@ -37,6 +37,9 @@ from shadowbench.world import Casters
 
 BOX_MARGIN_ULPS = 8
 """How much boxes are inflated, in ulps of the world's largest coordinate."""
+
+_KEY_BITS = 64
+"""For a place along the curve and the triangle's number."""
 
 
 class TriangleTree:
@@ -72,19 +75,22 @@ class TriangleTree:
         triangles = casters.on(self.context.device)
         low, high = casters.bounds()
         extent = float((high.astype(np.float64) - low).max())
-        cells_per_unit = (1 << int(CURVE_BITS)) / extent if extent > 0.0 else 0.0
+        number_bits = self.triangle_count.bit_length()
+        curve_bits = min((_KEY_BITS - number_bits) // 3, MOST_CURVE_BITS)
+        cells_per_unit = (1 << curve_bits) / extent if extent > 0.0 else 0.0
         keys = wp.empty(self.triangle_count, dtype=wp.uint64, device=self.context.device)
         self._launch(
             write_keys,
             self.triangle_count,
-            [triangles.vertices, triangles.triangles, wp.vec3(*low.tolist()), cells_per_unit],
+            [triangles.vertices, triangles.triangles, wp.vec3(*low.tolist()), cells_per_unit, curve_bits, number_bits],
             [keys],
         )
         keys.assign(np.sort(keys.numpy()))
+        margin = BOX_MARGIN_ULPS * ULP * casters.scale
         self._launch(
             fill_packs,
             self._pack_count,
-            [keys, triangles.vertices, triangles.triangles, BOX_MARGIN_ULPS * ULP * casters.scale],
+            [keys, triangles.vertices, triangles.triangles, number_bits, margin],
             [self.corners, self.triangle, self.bounds],
         )
         for level, node_count in enumerate(self._node_counts[:-1]):

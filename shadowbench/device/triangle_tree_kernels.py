@@ -17,8 +17,8 @@ LANES = wp.constant(8)
 MAX_LEVELS = wp.constant(10)
 """Enough for 8^10 packs."""
 
-CURVE_BITS = wp.constant(10)
-"""Cells of the Hilbert curve along each axis, as a power of two."""
+MOST_CURVE_BITS = 14
+"""Cells of the Hilbert curve along each axis, as a power of two, where the key has room for them."""
 
 
 @wp.struct
@@ -28,8 +28,9 @@ class Tree:
     Attributes:
         bounds: Of each node's children, float32: low x of all eight, then low y, low z, high x, high y, high z; an
             absent child is inside out. Flat, shape [node_count * 6 * 8].
-        corners: Of each pack's triangles: a.x of all eight, a.y, a.z, b.x, ... c.z. Flat, shape [pack_count * 9 * 8].
-        triangle: Caster triangle in each lane, shape [pack_count * 8]; the last pack repeats its last triangle.
+        corners: Of each pack's triangles: a.x of all eight, a.y, a.z, b.x, ... c.z; NaN where the last pack has no
+            triangle. Flat, shape [pack_count * 9 * 8].
+        triangle: Caster triangle in each lane, shape [pack_count * 8]; -1 where there is none.
         first_node: Number of each level's first node; level 0 holds the parents of packs.
         top: The root's level.
         scale: Largest absolute coordinate of the world [scene units].
@@ -45,11 +46,13 @@ class Tree:
 
 @wp.func
 def spread_bits(x: wp.uint32):
-    """Move bit i of a 10-bit number to bit 3i."""
-    x = (x | (x << wp.uint32(16))) & wp.uint32(0x030000FF)
-    x = (x | (x << wp.uint32(8))) & wp.uint32(0x0300F00F)
-    x = (x | (x << wp.uint32(4))) & wp.uint32(0x030C30C3)
-    return (x | (x << wp.uint32(2))) & wp.uint32(0x09249249)
+    """Move bit i of a number to bit 3i."""
+    y = wp.uint64(x)
+    y = (y | (y << wp.uint64(32))) & wp.uint64(0x001F00000000FFFF)
+    y = (y | (y << wp.uint64(16))) & wp.uint64(0x001F0000FF0000FF)
+    y = (y | (y << wp.uint64(8))) & wp.uint64(0x100F00F00F00F00F)
+    y = (y | (y << wp.uint64(4))) & wp.uint64(0x10C30C30C30C30C3)
+    return (y | (y << wp.uint64(2))) & wp.uint64(0x1249249249249249)
 
 
 @wp.func
@@ -65,10 +68,14 @@ def swap_below(x: wp.uint32, y: wp.uint32, bit: wp.uint32):
 
 
 @wp.func
-def hilbert_index(x: wp.uint32, y: wp.uint32, z: wp.uint32):
-    """Number of a cell along the Hilbert curve through 2^30 cells (Skilling 2004, Programming the Hilbert curve)."""
+def hilbert_index(x: wp.uint32, y: wp.uint32, z: wp.uint32, highest_bit: wp.uint32):
+    """Number of a cell along the Hilbert curve through a cube of cells (Skilling 2004, Programming the Hilbert curve).
+
+    Args:
+        highest_bit: Half the number of cells along each axis.
+    """
     one = wp.uint32(1)
-    bit = wp.uint32(1 << (CURVE_BITS - 1))
+    bit = wp.uint32(highest_bit)
     while bit > one:
         if (x & bit) != wp.uint32(0):
             x = x ^ (bit - one)
@@ -83,18 +90,12 @@ def hilbert_index(x: wp.uint32, y: wp.uint32, z: wp.uint32):
     y = y ^ x
     z = z ^ y
     flip = wp.uint32(0)
-    bit = wp.uint32(1 << (CURVE_BITS - 1))
+    bit = highest_bit
     while bit > one:
         if (z & bit) != wp.uint32(0):
             flip = flip ^ (bit - one)
         bit = bit >> one
-    return (spread_bits(x ^ flip) << wp.uint32(2)) | (spread_bits(y ^ flip) << one) | spread_bits(z ^ flip)
-
-
-@wp.func
-def cell_of(x: wp.float32, low: wp.float32, cells_per_unit: wp.float32):
-    """Cell of the curve's grid along one axis."""
-    return wp.uint32(wp.clamp(wp.int32((x - low) * cells_per_unit), 0, (1 << CURVE_BITS) - 1))
+    return (spread_bits(x ^ flip) << wp.uint64(2)) | (spread_bits(y ^ flip) << wp.uint64(1)) | spread_bits(z ^ flip)
 
 
 @wp.kernel
@@ -105,19 +106,23 @@ def write_keys(
     indices: wp.array[wp.int32],
     low: wp.vec3,
     cells_per_unit: wp.float32,
+    curve_bits: wp.int32,
+    number_bits: wp.int32,
     # outputs
     keys: wp.array[wp.uint64],
 ):
     """Number each triangle along the curve by its centroid; the triangle's own number makes keys unique."""
     t = wp.tid() + first
     sum = vertices[indices[3 * t]] + vertices[indices[3 * t + 1]] + vertices[indices[3 * t + 2]]
-    centre = sum / 3.0
+    cell = (sum / 3.0 - low) * cells_per_unit
+    last = float((1 << curve_bits) - 1)
     index = hilbert_index(
-        cell_of(centre[0], low[0], cells_per_unit),
-        cell_of(centre[1], low[1], cells_per_unit),
-        cell_of(centre[2], low[2], cells_per_unit),
+        wp.uint32(wp.clamp(cell[0], 0.0, last)),
+        wp.uint32(wp.clamp(cell[1], 0.0, last)),
+        wp.uint32(wp.clamp(cell[2], 0.0, last)),
+        wp.uint32(1 << (curve_bits - 1)),
     )
-    keys[t] = (wp.uint64(index) << wp.uint64(32)) | wp.uint64(t)
+    keys[t] = (index << wp.uint64(number_bits)) | wp.uint64(t)
 
 
 @wp.func
@@ -149,6 +154,7 @@ def fill_packs(
     keys: wp.array[wp.uint64],
     vertices: wp.array[wp.vec3],
     indices: wp.array[wp.int32],
+    number_bits: wp.int32,
     margin: wp.float32,
     # outputs
     corners: wp.array[wp.float32],
@@ -159,19 +165,26 @@ def fill_packs(
     pack = wp.tid() + first
     low = wp.vec3(wp.inf, wp.inf, wp.inf)
     high = -low
+    number_mask = (wp.uint64(1) << wp.uint64(number_bits)) - wp.uint64(1)
+    nothing = wp.vec3(wp.nan, wp.nan, wp.nan)
     for lane in range(LANES):
-        place = wp.min(pack * LANES + lane, keys.shape[0] - 1)
-        t = wp.int32(keys[place] & wp.uint64(0xFFFFFFFF))
-        triangle[pack * LANES + lane] = t
-        a = vertices[indices[3 * t]]
-        b = vertices[indices[3 * t + 1]]
-        c = vertices[indices[3 * t + 2]]
+        place = pack * LANES + lane
         base = pack * 9 * LANES + lane
+        t = wp.int32(-1)
+        a = nothing
+        b = nothing
+        c = nothing
+        if place < keys.shape[0]:
+            t = wp.int32(keys[place] & number_mask)
+            a = vertices[indices[3 * t]]
+            b = vertices[indices[3 * t + 1]]
+            c = vertices[indices[3 * t + 2]]
+            low = wp.min(low, wp.min(a, wp.min(b, c)))
+            high = wp.max(high, wp.max(a, wp.max(b, c)))
+        triangle[place] = t
         store_vector(corners, base, a)
         store_vector(corners, base + 3 * LANES, b)
         store_vector(corners, base + 6 * LANES, c)
-        low = wp.min(low, wp.min(a, wp.min(b, c)))
-        high = wp.max(high, wp.max(a, wp.max(b, c)))
     wide = wp.vec3(margin, margin, margin)
     store_child(bounds, pack // LANES, pack % LANES, low - wide, high + wide)
 

@@ -46,7 +46,7 @@ class Bench:
     @property
     def cache(self) -> str:
         """The cache's folder, for workers."""
-        return str(self.options.cache.absolute())
+        return str(self.options.cache)
 
     def end(self, case: Case, how: Obstacle | CaseFailure) -> None:
         """Keep the row of a case that was not measured."""

@@ -39,8 +39,12 @@ class Cache:
         self.folder = folder
 
     def has(self, name: str) -> bool:
-        """Return whether an entry is there."""
-        return self._file(name).exists()
+        """Return whether an entry is there and whole."""
+        try:
+            self.open(name)
+        except CacheMissError:
+            return False
+        return True
 
     def store(self, name: str, value: Any) -> None:
         """Keep a value under a name; what is there already is replaced as a whole."""

@@ -52,8 +52,8 @@ class RunOptions:
 
     @property
     def cache(self) -> Path:
-        """Where worlds, receivers and references are kept."""
-        return self.results / "cache"
+        """Where worlds, receivers and references are kept; absolute, since a plugin may change its folder."""
+        return self.results.absolute() / "cache"
 
 
 @dataclass(frozen=True)
@@ -159,7 +159,10 @@ class Observer(Protocol):
         """Tell that the run begins, and how many of its cases have no row yet."""
 
     def case_started(self, case: Case, phase: str) -> None:
-        """Tell that a step of a case begins: ``prepare``, ``load``, ``warm up``, ``round 3`` or ``measure``."""
+        """Tell that a step of a case begins: ``load``, ``warm up``, ``round 3`` or ``measure``.
+
+        The first case of a comparison also stands for what is done for all: ``compile`` and ``prepare``.
+        """
 
     def row_finished(self, row: ResultRow) -> None:
         """Tell that a case has ended and its row is kept."""

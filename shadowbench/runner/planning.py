@@ -108,9 +108,6 @@ class _Resolver:
         self._threads = options.threads or (available_cores(),)
         self.notes: list[str] = []
         self.method_defaults: dict[str, dict[str, Any]] = {}
-        for threads in self._threads:
-            if threads > available_cores():
-                self.notes.append(f"{threads} threads share {available_cores()} cores: times say little")
 
     def __enter__(self) -> Self:
         return self
@@ -121,13 +118,21 @@ class _Resolver:
         if self._worker is not None and self._worker.is_alive:
             self._pool.park(self._worker)
 
+    @property
+    def _device(self) -> dict[str, Any]:
+        """What :func:`shadowbench.runner.resolving.describe_device` says."""
+        described: dict[str, Any] = self._require("describe_device", device=self._options.device)
+        return described
+
     def cases_of(self, experiment: Experiment, comparison: Comparison) -> list[list[Case]]:
         """Return the cases of each combination of scene, light, camera, size and threads."""
-        self._device = self._require("describe_device", device=self._options.device)
         methods = comparison.methods or tuple(Choice(name) for name in self._require("names", kind="method"))
         configurations = [(choice.name, values) for choice in methods for values in choice.expand()]
         scenes = [(choice.name, values) for choice in comparison.scenes for values in choice.expand()]
         threads = comparison.threads or self._threads
+        if max(threads) > available_cores():
+            note = f"{max(threads)} threads share {available_cores()} cores: their times say little"
+            self.notes += [note] if note not in self.notes else []
         dimensions = (scenes, comparison.lights, comparison.cameras, comparison.sizes, threads)
         grouped = []
         for scene, light, camera, size, thread_count in itertools.product(*dimensions):
@@ -191,7 +196,7 @@ class _Resolver:
                 "scene": [view.scene, scene_parameters, view.content or view.world_key],
                 "view": [view.light, view.camera, view.width, view.height],
                 "method": [method, parameters, described["code"]],
-                "versions": [self._device["warp"], described["libraries"]],
+                "platform": [self._device["kind"], self._device["warp"], described["libraries"]],
                 "truth": [self._device["truth"], self._device["metric_version"]],
             }
         )

@@ -58,7 +58,7 @@ class Worker:
     def __init__(self, threads: int, settings: dict[str, Any]) -> None:
         self.threads = threads
         self.memory_limit: int = settings["memory_limit"]
-        self.phase = "starting"
+        self.phase = self._phase_of_call = "starting"
         self._tail = b""
         self._unread = b""
         ask_read, self._ask = os.pipe()
@@ -101,9 +101,8 @@ class Worker:
         return self.end(timeout_s)
 
     def begin(self, call: str, arguments: dict[str, Any]) -> None:
-        """Have the worker do something; :meth:`end` waits for its answer."""
-        if self._started:
-            self.phase = call.replace("_", " ")
+        """Have a living worker do something; :meth:`end` waits for its answer."""
+        self._phase_of_call = call.replace("_", " ")
         self.is_busy = True
         self._send({"call": call, "arguments": arguments})
 
@@ -117,6 +116,7 @@ class Worker:
             if not self._started:
                 self._await(START_TIMEOUT_S)
                 self._started = True
+            self.phase = self._phase_of_call
             return self._await(timeout_s)
         finally:
             self.is_busy = False

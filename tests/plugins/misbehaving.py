@@ -203,5 +203,9 @@ class CudaOnly(_Lit):
 class Good(_Lit):
     name = "good"
 
+    @classmethod
+    def library_versions(cls):
+        return {"imagined": os.environ.get("IMAGINED_VERSION", "1")}
+
     class Parameters(ParameterModel):
         level: int = parameter(1, unit="1", help="Makes cases different.", ge=0, le=100)

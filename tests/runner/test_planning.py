@@ -1,5 +1,6 @@
 """Plans: what is resolved, what is the user's mistake, and what becomes an outcome."""
 
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -46,6 +47,26 @@ def test_equal_cases_are_measured_once_and_written_values_do_not_matter(tmp_path
     plan = planned(tmp_path, "good:level=2", "good:level=1/2", "good", "formula:shift=0.50", "formula:shift=5e-1")
     configurations = [(case.method, case.method_parameters) for case in plan.cases]
     assert configurations == [("good", {"level": 2}), ("good", {"level": 1}), ("formula", {"shift": 0.5})]
+
+
+def test_editing_a_plugin_changes_the_keys_of_its_own_methods_only(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    copies = tuple(tmp_path / file.name for file in PLUGIN_FILES)
+    for file, copy in zip(PLUGIN_FILES, copies, strict=True):
+        shutil.copy(file, copy)
+
+    def quality_keys() -> dict[str, str]:
+        plan = planned(tmp_path / "results", "formula", "good", "pcf", plugin_files=copies)
+        return {case.method: case.quality_key for case in plan.cases}
+
+    before = quality_keys()
+    copies[1].write_text(copies[1].read_text() + "# edited\n")
+    after = quality_keys()
+    assert {method for method in before if after[method] != before[method]} == {"good"}
+    monkeypatch.setenv("IMAGINED_VERSION", "2")  # what the method says its library is
+    newer = quality_keys()
+    assert {method for method in before if newer[method] != after[method]} == {"good"}
 
 
 def test_no_method_means_every_method(tmp_path: Path) -> None:
