@@ -54,25 +54,25 @@ class Registry:
     def __init__(self, files: tuple[Path, ...] = ()) -> None:
         """Find installed plugins and those in ``files``; nothing installed is imported yet.
 
+        An installed plugin with a name that another one has (built-ins come first) is listed as broken under
+        ``name@distribution``.
+
         Raises:
-            PluginError: A file cannot be read or holds no plugin, or two plugins have one name.
+            PluginError: A file cannot be read or holds no plugin, or one of its names is taken.
         """
         self._entries: dict[tuple[Kind, str], Entry] = {}
         for kind, group in _GROUPS.items():
-            for point in sorted(entry_points(group=group), key=lambda p: (not _is_own(p), p.name)):
-                self._add(Entry(kind, point.name, _origin(point), _entry_point_loader(kind, point)))
+            for point in sorted(entry_points(group=group), key=lambda p: (not _is_own(p), p.name, _origin(p))):
+                entry = Entry(kind, point.name, _origin(point), _entry_point_loader(kind, point))
+                known = self._entries.setdefault((kind, entry.name), entry)
+                if known.origin != entry.origin:  # else the same distribution, seen twice on the path
+                    clash = _clashing(entry, known)
+                    self._entries[kind, clash.name] = clash
         for file in files:
             for entry in _file_entries(file):
-                self._add(entry)
-
-    def _add(self, entry: Entry) -> None:
-        known = self._entries.setdefault((entry.kind, entry.name), entry)
-        if known is not entry:
-            if known.origin == entry.origin:
-                return  # the same distribution seen twice on the path
-            raise PluginError(
-                f"two {entry.kind}s are called '{entry.name}': one from {known.origin}, one from {entry.origin}"
-            )
+                known = self._entries.setdefault((entry.kind, entry.name), entry)
+                if known is not entry:
+                    raise PluginError(_two_of_one_name(entry, known))
 
     def entries(self, kind: Kind) -> Iterator[Entry]:
         """Yield the entries of a kind, by name."""
@@ -105,6 +105,19 @@ class Registry:
         if entry is None:
             raise PluginError(f"no {kind} is called '{name}'; {did_you_mean(name, self.names(kind), noun=kind)}")
         return entry
+
+
+def _two_of_one_name(entry: Entry, known: Entry) -> str:
+    return f"two {entry.kind}s are called '{entry.name}': one from {known.origin}, one from {entry.origin}"
+
+
+def _clashing(entry: Entry, known: Entry) -> Entry:
+    """Return an entry that says why an installed plugin is not used."""
+
+    def load() -> type[Any]:
+        raise PluginError(f"{_two_of_one_name(entry, known)}; the first is used")
+
+    return Entry(entry.kind, f"{entry.name}@{entry.origin}", entry.origin, load)
 
 
 def _is_own(point: EntryPoint) -> bool:

@@ -159,3 +159,18 @@ def test_a_directory_is_no_plugin_file(tmp_path: Path) -> None:
 def test_an_unknown_name_is_answered_with_the_nearest() -> None:
     with pytest.raises(PluginError, match=r"no method is called 'shadow-mop'; did you mean 'shadow-map'\?"):
         Registry().method("shadow-mop")
+
+
+def test_an_installed_plugin_whose_name_is_taken_is_listed_as_broken(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    information = tmp_path / "rival-1.0.dist-info"
+    information.mkdir()
+    (information / "METADATA").write_text("Metadata-Version: 2.1\nName: rival\nVersion: 1.0\n")
+    (information / "entry_points.txt").write_text("[shadowbench.methods]\npcf = rival:Pcf\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    registry = Registry()
+    assert registry.method("pcf").__module__ == "shadowbench.methods.pcf"
+    assert "pcf@rival" in registry.names("method")
+    with pytest.raises(PluginError, match="two methods are called 'pcf': one from shadowbench, one from rival"):
+        registry.method("pcf@rival")
