@@ -42,6 +42,13 @@ _LARGEST_COORDINATE = 1e30
 """Products of three coordinates must stay finite in float64 and squares finite in float32 filters' bounds."""
 
 
+def bounds_of(points: NDArray[np.floating]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return the lowest and highest coordinates of points [n, 3], shape [3] each; n is at least 1."""
+    # a column at a time: NumPy's reduction along the long axis of a narrow array is ten times slower
+    columns = [points[:, axis] for axis in range(3)]
+    return np.array([c.min() for c in columns]), np.array([c.max() for c in columns])
+
+
 @dataclass(frozen=True, eq=False)
 class TriangleBlock:
     """A run of triangles of one instance, in world space.
@@ -97,7 +104,7 @@ class Casters:
 
     def bounds(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Return the lowest and highest coordinates over all casting vertices, shape [3] each."""
-        return self.vertices.min(axis=0), self.vertices.max(axis=0)
+        return bounds_of(self.vertices)
 
     def blocks(self, size: int = 1 << 18) -> Iterator[TriangleBlock]:
         """Stream the triangles, at most ``size`` at a time, a block never crossing instances."""
@@ -176,7 +183,7 @@ class World:
 
     def bounds(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Return the lowest and highest coordinates, shape [3] each."""
-        return self.vertices.min(axis=0), self.vertices.max(axis=0)
+        return bounds_of(self.vertices)
 
     def diagonal(self) -> float:
         """Return the length of the bounding box's diagonal [scene units]."""
@@ -221,8 +228,8 @@ def place(scene: Scene) -> World:
         SceneError: A placed coordinate is not finite or too large.
     """
     placed = [_place_instance(scene.meshes[i.mesh], i) for i in scene.instances]
-    low = np.min([p.min(axis=0) for p in placed], axis=0)
-    high = np.max([p.max(axis=0) for p in placed], axis=0)
+    low = np.min([bounds_of(p)[0] for p in placed], axis=0)
+    high = np.max([bounds_of(p)[1] for p in placed], axis=0)
     if not (np.isfinite(low).all() and np.isfinite(high).all() and max(-low.min(), high.max()) < _LARGEST_COORDINATE):
         raise SceneError(f"the scene's coordinates reach beyond ±{_LARGEST_COORDINATE:g}")
     origin = _recentring_origin((low + high) / 2.0, float((high - low).max()) / 2.0)

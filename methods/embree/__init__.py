@@ -107,7 +107,9 @@ class Embree(Method):
     def build(self, casters: Casters, light: Light, view: View, changes: Changes, trace: Trace) -> None:
         self._light = light
         self._offset = self.parameters.offset * casters.world.diagonal()
-        if casters.triangle_count > 0 and (self._scene is None or changes.instances):
+        if casters.triangle_count == 0:
+            self._scene = None
+        elif self._scene is None or changes.instances:
             from embreex.mesh_construction import TriangleMesh
             from embreex.rtcore_scene import EmbreeScene
 

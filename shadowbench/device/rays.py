@@ -27,7 +27,7 @@ wp.set_module_options(kernel_options(native=True))
 
 STEEPEST = wp.constant(wp.float32(1.0e18))
 """A direction component below 1e-18 of the largest is taken as 1e-18, to keep inverses finite: over the whole scene
-that moves the ray by a billionth of an ulp."""
+that moves the ray by less than a billionth of an ulp."""
 
 LIMIT_SLACK = wp.constant(wp.float32(1.000001))
 """Where boxes are cut off at a distance, the distance grows by more than the box test's four roundings."""
@@ -66,6 +66,7 @@ class Ray:
 
 @wp.func
 def finite_inverse(x: wp.float64):
+    """One over x in float32, or :data:`STEEPEST`."""
     return wp.where(wp.abs(wp.float32(x)) < 1.0 / STEEPEST, STEEPEST, 1.0 / wp.float32(x))
 
 

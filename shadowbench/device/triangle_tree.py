@@ -9,11 +9,13 @@ same bits.
 Boxes are inflated so that the float32 ray-box test of :mod:`shadowbench.device.rays` never misses a triangle that
 :func:`shadowbench.device.visibility.crossing` accepts. With S the world's largest coordinate and u = 2^-24 (half an
 ulp), origins within 1.35 S of the origin and triangles within S: a crossing lies at most 2.35 S from the ray's origin
-along each axis. The test computes ``(bound - origin) * inverse`` with four roundings (the ray's direction, its inverse,
-the difference, the product), which is to have moved the bound by at most 4u · 2.35 S < 5 ulp(S). Boxes grow by 8. That
-the ray does pass through the triangle rests on float64: the predicate's signed volumes are wrong by less than
-2^-45 |direction| S^2, so a ray it accepts passes within 2^-44 S^2 / h of a triangle of height h as seen along the ray,
-which is under 3 ulp(S) for every triangle that appears at least an ulp thick.
+along each axis. The test computes ``(bound - origin) * inverse`` with four roundings (scaled direction, inverse,
+difference, product), which is to have moved the bound by at most 4u · 2.35 S < 5 ulp(S); rounding the inflated bound
+moves it by half an ulp more. That the ray does pass through the triangle rests on float64: the predicate's signed
+volumes are wrong by less than 140 · 2^-53 |direction| S^2, so a ray it accepts passes within twice that, over h, of a
+triangle of height h as seen along the ray: under 2.5 ulp(S) for every triangle that appears at least an ulp thick.
+Together that is less than 8 ulp. (A thinner sliver could be accepted from farther off only by a ray in line with it to
+1e-14 S.)
 """
 
 from __future__ import annotations

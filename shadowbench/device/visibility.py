@@ -4,7 +4,8 @@ The ground truth, the ray tracers and every exact rasterising method decide with
 for bit. All is float64 on the original float32 positions, and no multiplication may be fused with an addition: kernels
 that call them live in modules with ``kernel_options(native=True)``. What a filter cannot decide for certain in float32
 is handed to :func:`crossing`; a filter that only ever rejects what :func:`crossing` would reject leaves no trace in
-the result. The rule as a whole, and why it is this one, is told in :mod:`shadowbench.reference`.
+the result. Opaque casters need no more: any crossing shadows. Through translucent ones every crossing dims, and
+:func:`crossing_once` counts. The rule as a whole, and why it is this one, is told in :mod:`shadowbench.reference`.
 
 A light is a homogeneous point: (position, 1), or (direction towards it, 0), so that one formula serves both.
 """
@@ -109,6 +110,33 @@ def is_turned_away(a: wp.vec3, b: wp.vec3, c: wp.vec3, eye: wp.vec3d, light: Lig
 
 
 @wp.func
+def plane_crossing(
+    p: wp.vec3d,
+    towards: wp.vec3d,
+    reach: wp.float64,
+    tolerance: wp.float64,
+    a: wp.vec3,
+    b: wp.vec3,
+    c: wp.vec3,
+):
+    """The parameter at which the ray p + t towards crosses the plane of triangle abc, or :data:`NO_CROSSING`.
+
+    It counts if 0 < t < reach and if the plane is farther from p than ``tolerance``.
+    """
+    zero = wp.float64(0.0)
+    t = NO_CROSSING
+    n = plane_normal(a, b, c)
+    height = wp.dot(n, wp.vec3d(a) - p)
+    slope = wp.dot(n, towards)
+    ahead = (height > zero and slope > zero) or (height < zero and slope < zero)
+    within_reach = wp.abs(height) < reach * wp.abs(slope)
+    beyond_own_plane = height * height > tolerance * tolerance * wp.dot(n, n)
+    if ahead and within_reach and beyond_own_plane:
+        t = height / slope
+    return t
+
+
+@wp.func
 def crossing(
     p: wp.vec3d,
     towards: wp.vec3d,
@@ -120,8 +148,8 @@ def crossing(
 ):
     """The parameter t at which the ray p + t towards crosses triangle abc, or :data:`NO_CROSSING`.
 
-    The triangle is closed: a ray through an edge or vertex crosses everything that meets there. It counts if
-    0 < t < reach and if its plane is farther from p than ``tolerance``.
+    The triangle is closed: a ray through an edge or vertex crosses everything that meets there. See
+    :func:`plane_crossing` for what counts.
     """
     zero = wp.float64(0.0)
     t = NO_CROSSING
@@ -134,12 +162,67 @@ def crossing(
     v = wp.dot(towards, wp.cross(to_c, to_a))
     w = wp.dot(towards, wp.cross(to_a, to_b))
     if (u >= zero and v >= zero and w >= zero) or (u <= zero and v <= zero and w <= zero):
-        n = plane_normal(a, b, c)
-        height = wp.dot(n, to_a)
-        slope = wp.dot(n, towards)
-        ahead = (height > zero and slope > zero) or (height < zero and slope < zero)
-        within_reach = wp.abs(height) < reach * wp.abs(slope)
-        beyond_own_plane = height * height > tolerance * tolerance * wp.dot(n, n)
-        if ahead and within_reach and beyond_own_plane:
-            t = height / slope
+        t = plane_crossing(p, towards, reach, tolerance, a, b, c)
+    return t
+
+
+@wp.func
+def is_before(towards: wp.vec3d, to_a: wp.vec3d, to_b: wp.vec3d):
+    """Whether vertex a comes before vertex b in an order of all vertices across the ray.
+
+    Vertices are ordered by their place along one direction perpendicular to the ray, then along another, then by their
+    coordinates. Every triangle that has a vertex sees it in the same place.
+    """
+    across = wp.vec3d(wp.float64(0.0), towards[2], -towards[1])
+    if wp.abs(towards[0]) > wp.abs(towards[1]):
+        across = wp.vec3d(-towards[2], wp.float64(0.0), towards[0])
+    side_a = wp.dot(across, to_a)
+    side_b = wp.dot(across, to_b)
+    if side_a == side_b:
+        beside = wp.cross(towards, across)
+        side_a = wp.dot(beside, to_a)
+        side_b = wp.dot(beside, to_b)
+    for axis in range(3):
+        if side_a == side_b:
+            side_a = to_a[axis]
+            side_b = to_b[axis]
+    return side_a < side_b
+
+
+@wp.func
+def is_left_of_edge(towards: wp.vec3d, to_a: wp.vec3d, to_b: wp.vec3d):
+    """On which side the ray passes edge ab, where a ray through the edge passes beside it.
+
+    The edge's volume decides, and if it is 0, the order of its ends, as if the ray were moved by a length smaller than
+    all others, in the same direction for all edges (Edelsbrunner & Muecke 1990, "Simulation of simplicity"). Swapping
+    the ends swaps the side.
+    """
+    volume = wp.dot(towards, wp.cross(to_a, to_b))
+    return volume > wp.float64(0.0) or (volume == wp.float64(0.0) and is_before(towards, to_a, to_b))
+
+
+@wp.func
+def crossing_once(
+    p: wp.vec3d,
+    towards: wp.vec3d,
+    reach: wp.float64,
+    tolerance: wp.float64,
+    a: wp.vec3,
+    b: wp.vec3,
+    c: wp.vec3,
+):
+    """As :func:`crossing`, but a ray through an edge or vertex of a surface crosses one triangle of each sheet there.
+
+    At a silhouette, where two triangles of a closed surface meet that lie on the same side of the ray, it crosses both
+    or neither. This is the crossing to count where each dims the light: through translucent casters.
+    """
+    t = NO_CROSSING
+    to_a = wp.vec3d(a) - p
+    to_b = wp.vec3d(b) - p
+    to_c = wp.vec3d(c) - p
+    of_a = is_left_of_edge(towards, to_b, to_c)
+    of_b = is_left_of_edge(towards, to_c, to_a)
+    of_c = is_left_of_edge(towards, to_a, to_b)
+    if of_a == of_b and of_b == of_c:
+        t = plane_crossing(p, towards, reach, tolerance, a, b, c)
     return t

@@ -149,6 +149,10 @@ def test_where_nothing_casts_everything_is_lit():
     world = world_of(square(1.0), lights=LIGHTS, casts=(False,))
     receivers = receivers_at(world, np.array([0, 1]), np.array([[0.5, 0.0, 0.5], [0.3, 0.3, 0.4]]))
     assert (shaded(peer(), world, world.lights["directional"], receivers)[0] == 1.0).all()
+    method = peer()  # also after casters were there
+    roofed = world_of(square(1.0), square(1.0, 0.5), lights=LIGHTS)
+    assert (shaded(method, roofed, roofed.lights["directional"], receivers)[0] == 0.0).any()
+    assert (shaded(method, world, world.lights["directional"], receivers)[0] == 1.0).all()
 
 
 @pytest.mark.parametrize(
