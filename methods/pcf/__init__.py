@@ -23,28 +23,22 @@ import warp as wp
 from numpy.typing import NDArray
 from pydantic import model_validator
 
+from shadowbench.depth_map_method import MAP_COUNTERS, DepthMapMethod, DepthMapParameters
 from shadowbench.device.arrays import as_warp
-from shadowbench.device.depth_maps import DepthMaps
 from shadowbench.device.launch import launch
-from shadowbench.device.shadow_lookup import LightMaps, light_maps
-from shadowbench.light_space import light_frames
-from shadowbench.method import Changes, LightSpaceKernel, Method, Trace, View
+from shadowbench.method import LightSpaceKernel, Trace
 from shadowbench.methods.pcf.kernels import filter_bilinear, filter_weighted
-from shadowbench.parameters import ParameterModel, parameter
+from shadowbench.parameters import parameter
 from shadowbench.receivers import Receivers
-from shadowbench.scene import Light, RectangularLight
-from shadowbench.world import Casters, World
 
 
-class PcfParameters(ParameterModel):
-    resolution: int = parameter(1024, unit="texels", help="Width and height of each map.", ge=1, le=16384)
+class PcfParameters(DepthMapParameters):
     filter: Literal["bilinear", "box", "gauss"] = parameter(
         "box", unit="1", help="Weights: 2x2 bilinear, equal, or Gaussian."
     )
     kernel: int = parameter(
         3, unit="texels", help="Width of the footprint, odd or even; bilinear is always 2.", ge=1, le=63
     )
-    bias: float = parameter(1.0e-5, unit="depth", help="Constant bias, taken off the receiver's depth.", ge=0.0, le=1.0)
     slope_bias: float = parameter(
         1.0, unit="texels", help="Polygon offset in texels of slope, times the footprint.", ge=0.0, le=64.0
     )
@@ -80,7 +74,7 @@ def tap_weights(shape: str, width: int) -> NDArray[np.float64]:
     return np.array(values) / math.fsum(values)
 
 
-class PercentageCloserFiltering(Method):
+class PercentageCloserFiltering(DepthMapMethod):
     """The weighted mean of depth tests over a footprint of texels."""
 
     name = "pcf"
@@ -88,38 +82,20 @@ class PercentageCloserFiltering(Method):
     source = "Reeves, Salesin & Cook 1987"
     Parameters = PcfParameters
     counters: ClassVar[dict[str, str]] = {
-        "triangles drawn": "casters' triangles times the number of maps",
-        "map texels": "texels over all maps",
+        **MAP_COUNTERS,
         "texels compared": "taps over all valid receivers",
     }
 
     parameters: PcfParameters
-    _maps: DepthMaps | None = None
-    _lookup: LightMaps
 
-    def supports(self, world: World, light: Light) -> str | None:
-        if isinstance(light, RectangularLight):
-            return "an area light has no depth map"
-        if not world.casters.is_opaque:
-            return "a depth map holds opaque casters only"
-        return None
-
-    def build(self, casters: Casters, light: Light, view: View, changes: Changes, trace: Trace) -> None:
-        frames = light_frames(light, casters.world)
-        if self._maps is None:
-            self._maps = DepthMaps(len(frames), self.parameters.resolution, self.context)
-        with trace.stage("depth map"):
-            self._maps.draw(casters, frames, slope_bias=self.parameters.slope_bias * self.parameters.kernel)
-        self._lookup = light_maps(light, frames, self._maps.depth)
-        trace.count("triangles drawn", casters.triangle_count * len(frames))
-        trace.count("map texels", self._maps.depth.size)
-        trace.keep("shadow map", self._maps.depth)
+    def polygon_offset(self) -> float:
+        return self.parameters.slope_bias * self.parameters.kernel
 
     def shade(self, receivers: Receivers, visibility: wp.array[Any], trace: Trace) -> None:
         p = self.parameters
         on_device = receivers.on(self.context.device)
         inputs = [
-            self._lookup,
+            self.lookup,
             on_device.position,
             on_device.normal,
             p.bias,

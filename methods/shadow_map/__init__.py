@@ -22,21 +22,15 @@ from typing import Any, ClassVar
 
 import warp as wp
 
-from shadowbench.device.depth_maps import DepthMaps
+from shadowbench.depth_map_method import MAP_COUNTERS, DepthMapMethod, DepthMapParameters
 from shadowbench.device.launch import launch
-from shadowbench.device.shadow_lookup import LightMaps, light_maps
-from shadowbench.light_space import light_frames
-from shadowbench.method import Changes, Method, Trace, View
+from shadowbench.method import Trace
 from shadowbench.methods.shadow_map.kernels import compare_nearest_texel
-from shadowbench.parameters import ParameterModel, parameter
+from shadowbench.parameters import parameter
 from shadowbench.receivers import Receivers
-from shadowbench.scene import Light, RectangularLight
-from shadowbench.world import Casters, World
 
 
-class ShadowMapParameters(ParameterModel):
-    resolution: int = parameter(1024, unit="texels", help="Width and height of each map.", ge=1, le=16384)
-    bias: float = parameter(1.0e-5, unit="depth", help="Constant bias, taken off the receiver's depth.", ge=0.0, le=1.0)
+class ShadowMapParameters(DepthMapParameters):
     slope_bias: float = parameter(
         1.0, unit="texels", help="Polygon offset: stored depths grow by this many texels of slope.", ge=0.0, le=64.0
     )
@@ -52,7 +46,7 @@ class ShadowMapParameters(ParameterModel):
     )
 
 
-class ShadowMap(Method):
+class ShadowMap(DepthMapMethod):
     """Williams' depth test against the nearest texel."""
 
     name = "shadow-map"
@@ -60,32 +54,14 @@ class ShadowMap(Method):
     source = "Williams 1978; biases: Reeves et al. 1987 and Holbert 2011"
     Parameters = ShadowMapParameters
     counters: ClassVar[dict[str, str]] = {
-        "triangles drawn": "casters' triangles times the number of maps",
-        "map texels": "texels over all maps",
+        **MAP_COUNTERS,
         "texels compared": "texels looked up, over all valid receivers",
     }
 
     parameters: ShadowMapParameters
-    _maps: DepthMaps | None = None
-    _lookup: LightMaps
 
-    def supports(self, world: World, light: Light) -> str | None:
-        if isinstance(light, RectangularLight):
-            return "an area light has no depth map"
-        if not world.casters.is_opaque:
-            return "a depth map holds opaque casters only"
-        return None
-
-    def build(self, casters: Casters, light: Light, view: View, changes: Changes, trace: Trace) -> None:
-        frames = light_frames(light, casters.world)
-        if self._maps is None:
-            self._maps = DepthMaps(len(frames), self.parameters.resolution, self.context)
-        with trace.stage("depth map"):
-            self._maps.draw(casters, frames, slope_bias=self.parameters.slope_bias)
-        self._lookup = light_maps(light, frames, self._maps.depth)
-        trace.count("triangles drawn", casters.triangle_count * len(frames))
-        trace.count("map texels", self._maps.depth.size)
-        trace.keep("shadow map", self._maps.depth)
+    def polygon_offset(self) -> float:
+        return self.parameters.slope_bias
 
     def shade(self, receivers: Receivers, visibility: wp.array[Any], trace: Trace) -> None:
         on_device = receivers.on(self.context.device)
@@ -94,7 +70,7 @@ class ShadowMap(Method):
                 compare_nearest_texel,
                 receivers.count,
                 inputs=[
-                    self._lookup,
+                    self.lookup,
                     on_device.position,
                     on_device.normal,
                     self.parameters.bias,
