@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel
 
 from shadowbench.parameters import ParameterModel, parameter
@@ -27,11 +26,14 @@ from shadowbench.scene import (
     SpotLight,
 )
 
-Array = NDArray[np.float64]
+from .uniform_draws import UniformDraws, rotated_axes
 
-TOTAL_AREA = 4.0
-"""Default total area, as large as the box's floor: the one number the paper leaves open. Half of it is the mean
-projected area, which leaves e^-0.5, or 61 %, of the floor lit by the sun."""
+TOTAL_AREA = 7.0
+"""Default total area, the one number the paper leaves open, set by the one count it prints for 1000 triangles: 458 K
+sampling points tested. Here 453,767 visible points, seen by ``middle`` under the sun and not yet in shadow, are covered
+by a triangle other than their own and the ground as the triangles come in order. Every other figure is a prediction:
+481,500 at 10 K triangles and 479,647 at 100 K, where the paper has 513 K and 506 K. Half the area is the mean projected
+one, which leaves e^-0.875, or 42 %, of the floor lit from straight above."""
 
 BOX_HALF_WIDTH, BOX_HEIGHT = 1.0, 1.0
 """The triangles' centres lie in [-1, 1] x (0, 1] x [-1, 1]."""
@@ -50,8 +52,9 @@ CAMERAS = {
     "zoom-out": Camera(eye=(0.0, 3.4, 2.05), target=(0.0, 0.2, 0.05), vertical_angle=40.0),
     "zoom-in": Camera(eye=(0.0, 2.2, 1.3), target=(0.0, 0.2, 0.05), vertical_angle=10.0),
 }
-"""``middle`` stands for the middle picture of Fig. 3's top row, from which Table 1 was taken; every pixel of it sees a
-surface. The other two are its neighbours in the figure's zoom."""
+"""``middle`` stands for the middle picture of Fig. 3's top row, from which Table 1 was taken: in among the triangles,
+every pixel sees a surface. The other two are its neighbours in the figure's zoom, along the same line of sight: all of
+the triangles from 1.6 times as far, and the middle of the picture four times as large."""
 
 
 class RandomTriangles(ScenePlugin):
@@ -95,7 +98,7 @@ def random_triangles(triangle_count: int, seed: int, area: float) -> Mesh:
     """
     # area of an equilateral triangle by its circumradius: 3/4 sqrt(3) r^2
     radius = math.sqrt(area / triangle_count * 4.0 / (3.0 * math.sqrt(3.0)))
-    draw = _UniformDraws(seed)
+    draw = UniformDraws(seed)
     lowest = radius + GROUND_GAP
     highest = max(BOX_HEIGHT, lowest)
     centre = (
@@ -103,7 +106,7 @@ def random_triangles(triangle_count: int, seed: int, area: float) -> Mesh:
         lowest + (highest - lowest) * draw.unit_interval(triangle_count),
         BOX_HALF_WIDTH * (2.0 * draw.unit_interval(triangle_count) - 1.0),
     )
-    first_axis, second_axis = _plane_axes(draw.unit_quaternions(triangle_count))
+    first_axis, second_axis, _ = rotated_axes(draw.unit_quaternions(triangle_count))
     vertices = np.empty((triangle_count, 3, 3), np.float32)
     half_root = math.sqrt(3.0) / 2.0
     for corner, (cosine, sine) in enumerate(((1.0, 0.0), (-0.5, half_root), (-0.5, -half_root))):
@@ -112,46 +115,3 @@ def random_triangles(triangle_count: int, seed: int, area: float) -> Mesh:
             vertices[:, corner, axis] = centre[axis] + radius * offset
     triangles = np.arange(3 * triangle_count, dtype=np.int32).reshape(-1, 3)
     return Mesh("triangles", vertices.reshape(-1, 3), triangles)
-
-
-class _UniformDraws:
-    """Random numbers from the raw stream of PCG64, the same in every NumPy version."""
-
-    def __init__(self, seed: int) -> None:
-        self._bits = np.random.PCG64(seed)
-
-    def unit_interval(self, count: int) -> Array:
-        """Uniform in [0, 1), multiples of 2^-53, shape [count]."""
-        raw: Array = (self._bits.random_raw(count) >> np.uint64(11)).astype(np.float64)
-        return raw * 2.0**-53
-
-    def unit_disk(self, count: int) -> tuple[Array, Array, Array]:
-        """Return x, y and x² + y² of points uniform in the open unit disk without its centre, by rejection."""
-        kept: list[tuple[Array, Array, Array]] = []
-        missing = count
-        while missing > 0:
-            tries = missing + missing // 2 + 8  # 4/pi = 1.27 are needed
-            x, y = 2.0 * self.unit_interval(tries) - 1.0, 2.0 * self.unit_interval(tries) - 1.0
-            squared = x * x + y * y
-            inside = np.flatnonzero((squared < 1.0) & (squared > 0.0))[:missing]
-            kept.append((x[inside], y[inside], squared[inside]))
-            missing -= len(inside)
-        x, y, squared = (np.concatenate(parts) for parts in zip(*kept, strict=True))
-        return x, y, squared
-
-    def unit_quaternions(self, count: int) -> tuple[Array, Array, Array, Array]:
-        """Uniform over the rotations, after Marsaglia 1972, "Choosing a point from the surface of a sphere"."""
-        x, y, first_squared = self.unit_disk(count)
-        z, w, second_squared = self.unit_disk(count)
-        factor = np.sqrt((1.0 - first_squared) / second_squared)
-        return x, y, z * factor, w * factor
-
-
-def _plane_axes(
-    quaternions: tuple[Array, Array, Array, Array],
-) -> tuple[tuple[Array, Array, Array], tuple[Array, Array, Array]]:
-    """Return the images of the x and the y axis under the rotations."""
-    w, x, y, z = quaternions
-    first = (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y))
-    second = (2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + w * x))
-    return first, second

@@ -16,6 +16,11 @@ file every key of a ``[[comparison]]`` takes one value or a list, and a list swe
     title = "Cost and failures"
     index = ["method", "resolution"]
     values = ["static_frame_ms", "failure_percent"]
+    where = {light = "sun"}             # only these cases
+
+    [[table.printed]]                   # what the source prints, to stand beside ours with the ratio
+    where = {method = "shadow-map", resolution = [512, 2048]}
+    values = {static_frame_ms = [3.5, 7.1]}
 
 Reading, tabling and serving use this module, so it must never import Warp or a plugin.
 """
@@ -23,19 +28,20 @@ Reading, tabling and serving use this module, so it must never import Warp or a 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any, TypeVar
 
 from shadowbench.choices import Choice, choice_of_text, size_of, thread_count_of
 from shadowbench.errors import ExperimentError, UsageError, did_you_mean
-from shadowbench.experiment_file import ComparisonTable, read
+from shadowbench.experiment_file import ComparisonTable, LayoutTable, read
 
 __all__ = [
     "Choice",
     "Comparison",
     "Experiment",
+    "Printed",
     "TableLayout",
     "builtin_names",
     "from_options",
@@ -48,6 +54,8 @@ __all__ = [
 
 DEFAULT_SCENE = "random-triangles"
 DEFAULT_SIZE = (1024, 768)
+
+Scalar = str | int | float | bool
 
 T = TypeVar("T")
 
@@ -72,6 +80,19 @@ class Comparison:
 
 
 @dataclass(frozen=True)
+class Printed:
+    """What a source prints for some cases.
+
+    Attributes:
+        where: Row columns or parameter names, and the values that a case has in all of them.
+        values: Numbers by the names of the layout's values, in the units of ours.
+    """
+
+    where: dict[str, Scalar]
+    values: dict[str, float]
+
+
+@dataclass(frozen=True)
 class TableLayout:
     """How a table of results is laid out.
 
@@ -80,12 +101,16 @@ class TableLayout:
         index: Row columns or parameter names that name a line.
         values: Row columns shown; ``stages.NAME``, ``counters.NAME`` and ``kept.NAME`` show one long value.
         columns: A row column or parameter whose values become columns, or ``None``.
+        where: Only cases with these values, by row column or parameter name.
+        printed: The source's values, which stand beside the measured ones with the ratio of the two.
     """
 
     title: str
     index: tuple[str, ...]
     values: tuple[str, ...]
     columns: str | None = None
+    where: dict[str, Scalar] = field(default_factory=dict)
+    printed: tuple[Printed, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -160,7 +185,7 @@ def parse(text: str, *, name: str, file: str = "", folder: Path | None = None) -
         source=parsed.source,
         description=parsed.description,
         comparisons=tuple(_comparison(c, folder) for c in parsed.comparison),
-        tables=tuple(TableLayout(t.title, tuple(t.index), tuple(t.values), t.columns) for t in parsed.table),
+        tables=tuple(_layout(t) for t in parsed.table),
         budget_s=parsed.budget,
         text=text,
     )
@@ -177,6 +202,13 @@ def _comparison(table: ComparisonTable, folder: Path | None) -> Comparison:
     scenes = (replace(s, name=str((folder or Path()) / s.name)) if s.is_mesh_file else s for s in table.scene)
     changes: dict[str, Any] = {name: tuple(values) for name, values in given.items() if values is not None}
     return Comparison(tuple(scenes), **changes)
+
+
+def _layout(table: LayoutTable) -> TableLayout:
+    printed = (Printed(where, values) for each in table.printed for where, values in each.cases())
+    return TableLayout(
+        table.title, tuple(table.index), tuple(table.values), table.columns, dict(table.where), tuple(printed)
+    )
 
 
 def from_options(**options: Any) -> Experiment:

@@ -6,13 +6,25 @@ Pydantic models mirror the TOML tables; a key takes one value or a list, so ever
 
 from __future__ import annotations
 
+import itertools
+import math
 import re
 import tomllib
-from typing import Annotated, Any, TypeVar
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, Self, TypeVar
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, PlainValidator, ValidationError
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PlainValidator,
+    ValidationError,
+    model_validator,
+)
 
-from shadowbench.choices import Choice, choice_of_table, choice_of_text, size_of, thread_count_of
+from shadowbench.choices import Choice, Scalar, choice_of_table, choice_of_text, size_of, thread_count_of
 from shadowbench.errors import ExperimentError, did_you_mean
 from shadowbench.rows import LONG_FIELDS, ResultRow
 from shadowbench.toml_lines import line_numbers, line_of
@@ -56,12 +68,38 @@ def _without_repeats(values: list[Any]) -> list[Any]:
     return values
 
 
+def _condition(value: Any) -> Scalar:
+    if not isinstance(value, Scalar):
+        raise ValueError(f"a condition is a number, a text, true or false, not {value!r}")  # noqa: TRY004 - pydantic's
+    return value
+
+
+def _conditions(value: Any) -> Any:
+    return [_condition(each) for each in value] if isinstance(value, list) else _condition(value)
+
+
+def _numbers(value: Any) -> Any:
+    if isinstance(value, list):
+        return [_numbers(each) for each in value]
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise ValueError(f"a printed value is a finite number, not {value!r}")
+    return float(value)
+
+
+def _at(given: Mapping[str, T | list[T]], case: int) -> dict[str, T]:
+    """Return each entry, or of a list its element for a case."""
+    return {name: value[case] if isinstance(value, list) else value for name, value in given.items()}
+
+
 _ListRules = (BeforeValidator(_as_list), AfterValidator(_without_repeats), Field(min_length=1))
 
 Choices = Annotated[list[Annotated[Choice, PlainValidator(_choice)]], *_ListRules]
 Names = Annotated[list[Annotated[str, PlainValidator(_name)]], *_ListRules]
 Sizes = Annotated[list[Annotated[tuple[int, int], PlainValidator(_size)]], *_ListRules]
 ThreadCounts = Annotated[list[Annotated[int, PlainValidator(thread_count_of)]], *_ListRules]
+Condition = Annotated[Scalar, PlainValidator(_condition)]
+Conditions = Annotated[Scalar | list[Scalar], PlainValidator(_conditions)]
+Numbers = Annotated[float | list[float], PlainValidator(_numbers)]
 ValueColumns = Annotated[list[Annotated[str, PlainValidator(_value_column)]], *_ListRules]
 
 
@@ -78,6 +116,35 @@ class ComparisonTable(BaseModel):
     threads: ThreadCounts | None = None
 
 
+class PrintedTable(BaseModel):
+    """A ``[[table.printed]]``: cases, and the numbers that a source prints for them.
+
+    Conditions that are lists are read side by side, each position a case; a value is then a list too, or one for all.
+    """
+
+    model_config = ConfigDict(extra="forbid")
+
+    where: dict[str, Conditions]
+    values: Annotated[dict[str, Numbers], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _lists_belong_together(self) -> Self:
+        lengths = {len(listed) for listed in self.where.values() if isinstance(listed, list)}
+        if len(lengths) > 1:
+            raise ValueError("the lists in 'where' have different lengths")
+        for name, numbers in self.values.items():
+            if isinstance(numbers, list) and {len(numbers)} != lengths:
+                wanted = f"not {lengths.pop()}" if lengths else "but 'where' has no list"
+                raise ValueError(f"'{name}' lists {len(numbers)} printed values, {wanted}")
+        return self
+
+    def cases(self) -> Iterator[tuple[dict[str, Scalar], dict[str, float]]]:
+        """Yield the conditions and the numbers of each case."""
+        count = next((len(listed) for listed in self.where.values() if isinstance(listed, list)), 1)
+        for case in range(count):
+            yield _at(self.where, case), _at(self.values, case)
+
+
 class LayoutTable(BaseModel):
     """A ``[[table]]``."""
 
@@ -87,6 +154,15 @@ class LayoutTable(BaseModel):
     index: Names
     values: ValueColumns
     columns: Annotated[str, PlainValidator(_name)] | None = None
+    where: dict[str, Condition] = Field(default_factory=dict)
+    printed: list[PrintedTable] = Field(default_factory=list)
+
+    @model_validator(mode="after")
+    def _printed_values_are_shown(self) -> Self:
+        for name in (name for printed in self.printed for name in printed.values):
+            if name not in self.values:
+                raise ValueError(f"'{name}' is printed but not shown; {did_you_mean(name, self.values, noun='value')}")
+        return self
 
 
 class ExperimentFile(BaseModel):
@@ -142,7 +218,7 @@ def _first_error(error: ValidationError) -> tuple[str, tuple[str | int, ...]]:
             model = _model_at(path)
             return f"unknown key '{name}'; {did_you_mean(name, model.model_fields, noun='key')}", path
         case "missing":
-            where = f" in [[{path[0]}]]" if len(path) > 1 else ""
+            where = f" in [[{_table_at(path)}]]" if len(path) > 1 else ""
             return f"the key '{name}' is missing{where}", path
         case "too_short":
             return f"'{name}' must not be empty", path
@@ -154,6 +230,15 @@ def _first_error(error: ValidationError) -> tuple[str, tuple[str | int, ...]]:
     return f"'{name}': {message[:1].lower() + message[1:]}", path
 
 
+def _table_at(path: tuple[str | int, ...]) -> str:
+    """Return the name of the table that holds a key, as TOML writes it; empty for the file itself."""
+    return ".".join(str(key) for key, position in itertools.pairwise(path) if isinstance(position, int))
+
+
 def _model_at(path: tuple[str | int, ...]) -> type[BaseModel]:
-    tables: dict[str | int, type[BaseModel]] = {"comparison": ComparisonTable, "table": LayoutTable}
-    return tables[path[0]] if len(path) > 1 else ExperimentFile
+    tables: dict[str, type[BaseModel]] = {
+        "comparison": ComparisonTable,
+        "table": LayoutTable,
+        "table.printed": PrintedTable,
+    }
+    return tables.get(_table_at(path), ExperimentFile)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Receivers:
-    """Visible samples, sorted by pixel, then by layer (nearest first).
+    """Visible samples, sorted by pixel, then by sample, then by layer (nearest first).
 
     Attributes:
         width, height: Size of the picture [pixels].

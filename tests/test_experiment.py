@@ -7,7 +7,7 @@ import pytest
 from shadowbench import experiment
 from shadowbench.choices import Choice
 from shadowbench.errors import ExperimentError, UsageError
-from shadowbench.experiment import Comparison, TableLayout
+from shadowbench.experiment import Comparison, Printed, TableLayout
 
 GOOD = """\
 title = "Maps of two sizes"
@@ -66,7 +66,42 @@ def test_mesh_files_are_found_from_the_experiment_file(tmp_path: Path) -> None:
     assert read.text == GOOD
 
 
+PRINTED = """
+[[table]]
+title = "Table 1"
+index = "measure"
+columns = "scene.triangles"
+values = ["counters.nodes visited", "stages.transformation"]
+where = {method = "afsm", light = "sun"}
+
+[[table.printed]]
+where = {method = "afsm", "scene.triangles" = [1000, 10_000]}
+values = {"counters.nodes visited" = [91e3, 471e3], "stages.transformation" = 130}
+
+[[table.printed]]
+where = {"scene.triangles" = 7}
+values = {"stages.transformation" = 1.5}
+"""
+
+
+def test_a_table_holds_what_its_source_prints_and_for_which_cases() -> None:
+    (layout,) = experiment.parse(HEAD + PRINTED, name="paper").tables
+    assert layout.where == {"method": "afsm", "light": "sun"}
+    assert layout.printed == (
+        Printed(
+            {"method": "afsm", "scene.triangles": 1000},
+            {"counters.nodes visited": 91e3, "stages.transformation": 130.0},
+        ),
+        Printed(
+            {"method": "afsm", "scene.triangles": 10_000},
+            {"counters.nodes visited": 471e3, "stages.transformation": 130.0},
+        ),
+        Printed({"scene.triangles": 7}, {"stages.transformation": 1.5}),
+    )
+
+
 HEAD = 'title = "x"\n\n[[comparison]]\nscene = "bunny"\n'
+TABLE = HEAD + "[[table]]\ntitle = 'a'\nindex = 'method'\nvalues = 'shade_ms'\n"
 
 
 @pytest.mark.parametrize(
@@ -92,6 +127,31 @@ HEAD = 'title = "x"\n\n[[comparison]]\nscene = "bunny"\n'
         (HEAD + "light = ''", 5, "expected a name"),
         (HEAD + "[[table]]\ntitle = 'a'\nindex = 'method'\nvalues = ['shade_sm']", 8, "did you mean 'shade_ms'?"),
         (HEAD + "[[table]]\ntitle = 'a'\nvalues = 'shade_ms'", 5, r"the key 'index' is missing in \[\[table\]\]"),
+        (TABLE + "where = {light = [1]}", 9, "a condition is a number, a text, true or false"),
+        (
+            TABLE + "[[table.printed]]\nvalues = {shade_ms = 1}",
+            9,
+            r"the key 'where' is missing in \[\[table.printed\]\]",
+        ),
+        (TABLE + "[[table.printed]]\nwhere = {}\nvalue = 1", 11, "unknown key 'value'; did you mean 'values'?"),
+        (TABLE + "[[table.printed]]\nwhere = {}\nvalues = {}", 11, "'values' must not be empty"),
+        (
+            TABLE + "[[table.printed]]\nwhere = {}\nvalues = {shade_ms = inf}",
+            11,
+            "is a finite number, not inf",
+        ),
+        (TABLE + "[[table.printed]]\nwhere = {}\nvalues = {build_ms = 1}", 5, "'build_ms' is printed but not shown"),
+        (TABLE + "[[table.printed]]\nwhere = {}\nvalues = {shade_ms = [1]}", 9, "but 'where' has no list"),
+        (
+            TABLE + "[[table.printed]]\nwhere = {kernel = [1, 2]}\nvalues = {shade_ms = [1, 2, 3]}",
+            9,
+            "'shade_ms' lists 3 printed values, not 2",
+        ),
+        (
+            TABLE + "[[table.printed]]\nwhere = {kernel = [1, 2], light = ['sun']}\nvalues = {shade_ms = 1}",
+            9,
+            "the lists in 'where' have different lengths",
+        ),
         ("title = 'x'\nbudget = -1\n" + HEAD[12:], 2, "'budget': input should be greater than 0"),
         ("title = 'x'\nname = 'a b'\n" + HEAD[12:], 2, "'name' may hold letters"),
         ("title = 'x'\nscene = \n", 2, "not TOML: invalid value"),
@@ -159,3 +219,29 @@ def test_an_option_replaces_what_every_comparison_says() -> None:
 def test_a_wrong_option_is_a_usage_error(options: dict[str, list[str]]) -> None:
     with pytest.raises(UsageError):
         experiment.from_options(**options)
+
+
+def test_the_alias_free_papers_table_is_printed_as_it_was() -> None:
+    paper = experiment.load("aila-laine-2004-table-1")
+    table, _ = paper.tables
+    printed = {name: [case.values[name] for case in table.printed] for name in table.values}
+    assert [case.where["scene.triangles"] for case in table.printed] == [1000, 10_000, 100_000, 1_000_000]
+    stages = ("transformation", "BSP construction", "rasterization")
+    for stage_times, total in zip(
+        zip(*(printed[f"stages.{s}"] for s in stages), strict=True), printed["shade_ms"], strict=True
+    ):
+        assert sum(stage_times) == total, "the paper's totals are the sums of its stages"
+    assert set(printed["counters.2D BSP nodes"]) == {786_432 / 48}
+    assert [c.sizes for c in paper.comparisons] == [((1024, 768),)]
+
+
+@pytest.mark.parametrize("name", [n for n in experiment.builtin_names() if n.startswith("aila-laine-2004")])
+def test_what_a_paper_prints_belongs_to_cases_that_are_measured(name: str) -> None:
+    read = experiment.load(name)
+    methods = {choice.name for comparison in read.comparisons for choice in comparison.methods}
+    for table in read.tables:
+        assert table.where.get("method", "afsm") in methods
+        for printed in table.printed:
+            assert printed.where.get("method", "afsm") in methods
+            # of another size, say from --size, the picture is not the paper's
+            assert printed.where["size"] in {f"{w}x{h}" for c in read.comparisons for w, h in c.sizes}

@@ -82,7 +82,7 @@ class DepthRasterizer:
         keep_ids: bool = False,
         depth: wp.array[Any] | None = None,
     ) -> None:
-        self._bins = _Bins(width, height, context, bytes_per_texel=8 if keep_ids else 4)
+        self._bins = TriangleBins(width, height, context, bytes_per_texel=8 if keep_ids else 4)
         if depth is None:
             depth = wp.empty((height, width), dtype=wp.float32, device=context.device)
         elif depth.shape != (height, width) or not depth.is_contiguous:
@@ -170,7 +170,7 @@ class FragmentCounter:
     """
 
     def __init__(self, width: int, height: int, context: Context) -> None:
-        self._bins = _Bins(width, height, context, bytes_per_texel=4)
+        self._bins = TriangleBins(width, height, context, bytes_per_texel=4)
         self.counts: wp.array[Any] = wp.zeros((height, width), dtype=wp.int32, device=context.device)
 
     def clear(self) -> None:
@@ -192,8 +192,17 @@ class FragmentCounter:
             )
 
 
-class _Bins:
-    """Triangles binned by the bands of rows of a window."""
+class TriangleBins:
+    """Triangles binned by the bands of rows of a window, for the kernels that fill bands (here and in `depth_layers`).
+
+    Args:
+        width, height: Size of the window [texels].
+        context: Where to run.
+        bytes_per_texel: What a band's kernel touches, so that a band fits a core's cache.
+
+    Raises:
+        ValueError: The size is not positive, or larger than 2³¹ texels.
+    """
 
     def __init__(self, width: int, height: int, context: Context, *, bytes_per_texel: int) -> None:
         if width < 1 or height < 1 or width * height >= 1 << 31:

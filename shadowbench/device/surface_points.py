@@ -74,18 +74,17 @@ def along_plane(step: wp.vec3d, d: wp.vec3d, n: wp.vec3d, distance: wp.float64):
     return moved
 
 
-@wp.kernel
-def find_surface_points(
-    first: wp.int32,
-    # inputs
-    pixels: wp.array[wp.int32],
-    seen: wp.array[wp.int32],
+@wp.func
+def store_surface_point(
+    i: wp.int32,
+    t: wp.int32,
+    column: wp.float64,
+    row: wp.float64,
     rays: PixelRays,
     vertices: wp.array[wp.vec3],
     triangles: wp.array[wp.int32],
     first_triangle: wp.array[wp.int64],
     receives: wp.array[wp.uint8],
-    # outputs
     position: wp.array[wp.vec3],
     normal: wp.array[wp.vec3],
     instance: wp.array[wp.int32],
@@ -94,11 +93,7 @@ def find_surface_points(
     position_dy: wp.array[wp.vec3],
     valid: wp.array[wp.uint8],
 ):
-    i = wp.tid() + first
-    pixel = pixels[i]
-    t = seen[pixel]
-    column = wp.float64(pixel % rays.width) + wp.float64(0.5)
-    row = wp.float64(pixel // rays.width) + wp.float64(0.5)
+    """Receiver ``i``: where the ray through a point of the picture [pixels] meets triangle ``t``."""
     d = rays.corner + column * rays.per_column + row * rays.per_row
 
     # relative to the eye, so that the ray starts at the origin
@@ -125,3 +120,96 @@ def find_surface_points(
     valid[i] = wp.uint8(0)
     if wp.length_sq(n) > wp.float64(0.5) and w[0] + w[1] + w[2] > wp.float64(0.5):
         valid[i] = receives[owner]
+
+
+@wp.kernel
+def find_surface_points(
+    first: wp.int32,
+    # inputs
+    pixels: wp.array[wp.int32],
+    seen: wp.array[wp.int32],
+    rays: PixelRays,
+    vertices: wp.array[wp.vec3],
+    triangles: wp.array[wp.int32],
+    first_triangle: wp.array[wp.int64],
+    receives: wp.array[wp.uint8],
+    # outputs
+    position: wp.array[wp.vec3],
+    normal: wp.array[wp.vec3],
+    instance: wp.array[wp.int32],
+    triangle: wp.array[wp.int32],
+    position_dx: wp.array[wp.vec3],
+    position_dy: wp.array[wp.vec3],
+    valid: wp.array[wp.uint8],
+):
+    """Receivers at pixel centres; ``seen`` is a picture."""
+    i = wp.tid() + first
+    pixel = pixels[i]
+    column = wp.float64(pixel % rays.width) + wp.float64(0.5)
+    row = wp.float64(pixel // rays.width) + wp.float64(0.5)
+    store_surface_point(
+        i,
+        seen[pixel],
+        column,
+        row,
+        rays,
+        vertices,
+        triangles,
+        first_triangle,
+        receives,
+        position,
+        normal,
+        instance,
+        triangle,
+        position_dx,
+        position_dy,
+        valid,
+    )
+
+
+@wp.kernel
+def find_sample_points(
+    first: wp.int32,
+    # inputs
+    pixels: wp.array[wp.int32],
+    samples: wp.array[wp.int32],
+    seen: wp.array[wp.int32],
+    pattern: wp.array[wp.vec2d],
+    rays: PixelRays,
+    vertices: wp.array[wp.vec3],
+    triangles: wp.array[wp.int32],
+    first_triangle: wp.array[wp.int64],
+    receives: wp.array[wp.uint8],
+    # outputs
+    position: wp.array[wp.vec3],
+    normal: wp.array[wp.vec3],
+    instance: wp.array[wp.int32],
+    triangle: wp.array[wp.int32],
+    position_dx: wp.array[wp.vec3],
+    position_dy: wp.array[wp.vec3],
+    valid: wp.array[wp.uint8],
+):
+    """Receivers at samples, each placed in its pixel as ``pattern`` says; ``seen`` holds a triangle per receiver."""
+    i = wp.tid() + first
+    pixel = pixels[i]
+    place = pattern[samples[i]]
+    column = wp.float64(pixel % rays.width) + place[0]
+    row = wp.float64(pixel // rays.width) + place[1]
+    store_surface_point(
+        i,
+        seen[i],
+        column,
+        row,
+        rays,
+        vertices,
+        triangles,
+        first_triangle,
+        receives,
+        position,
+        normal,
+        instance,
+        triangle,
+        position_dx,
+        position_dy,
+        valid,
+    )

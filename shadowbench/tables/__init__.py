@@ -6,6 +6,7 @@
     columns.py    a column's name -> its value in a row, its header and unit
     labels.py     short method and scene labels that stay unique
     table.py      Table, Header, Cell: what every format is written from
+    printed.py    a source's printed numbers beside ours, and the ratio
     making.py     rows + layout -> Table
     numbers.py    significant digits, percentages, bytes
     plain_text.py names that are safe to print

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from shadowbench.errors import ExperimentError, did_you_mean
-from shadowbench.experiment import TableLayout
+from shadowbench.experiment import Printed, TableLayout
 from shadowbench.rows import ResultRow, RunRecord
 from shadowbench.tables.columns import MEASURE, ROW_COLUMNS, Scalar, is_value_column, value_of
 
@@ -59,8 +59,15 @@ def layouts_of(run: RunRecord) -> dict[str, list[TableLayout]]:
 
 def _layout_from(stored: Mapping[str, Any]) -> TableLayout:
     try:
-        return TableLayout(str(stored["title"]), tuple(stored["index"]), tuple(stored["values"]), stored.get("columns"))
-    except (KeyError, TypeError) as error:
+        return TableLayout(
+            str(stored["title"]),
+            tuple(stored["index"]),
+            tuple(stored["values"]),
+            stored.get("columns"),
+            dict(stored.get("where", {})),
+            tuple(Printed(dict(each["where"]), dict(each["values"])) for each in stored.get("printed", ())),
+        )
+    except (KeyError, TypeError, ValueError) as error:
         raise ExperimentError(f"a stored table layout cannot be used: {error!r}") from error
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
 from collections.abc import Sequence
 
@@ -30,6 +31,7 @@ from shadowbench.tables.layout import (
     layouts_of,
 )
 from shadowbench.tables.plain_text import LONGEST_NOTE, plain, shortened
+from shadowbench.tables.printed import KINDS, Kind, header_of, matches, printed_cells
 from shadowbench.tables.table import Cell, Header, Table
 
 _MOST_WARNINGS = 10
@@ -62,7 +64,8 @@ def make_tables(
         own = [row for row in rows if row.experiment == name]
         title, case_count = _asked_for(name, run)
         own_layouts = layouts.get(name) or [default_layout(own, title)]
-        tables += [_Making(own, layout, name, run, case_count).table() for layout in own_layouts]
+        missing = None if case_count is None or len(own) >= case_count else f"partial: {len(own)} of {case_count} cases"
+        tables += [_Making(own, layout, name, run, missing).table() for layout in own_layouts]
     return tables
 
 
@@ -79,10 +82,16 @@ class _Making:
     """The making of one table."""
 
     def __init__(
-        self, rows: Sequence[ResultRow], layout: TableLayout, experiment: str, run: RunRecord | None, count: int | None
+        self,
+        rows: Sequence[ResultRow],
+        layout: TableLayout,
+        experiment: str,
+        run: RunRecord | None,
+        missing: str | None,
     ) -> None:
         check_layout(layout)
-        self.rows, self.layout, self.experiment, self.run, self.case_count = rows, layout, experiment, run, count
+        self.rows = rows = [row for row in rows if matches(row, layout.where)]
+        self.layout, self.experiment, self.run, self.missing = layout, experiment, run, missing
         columns = (*layout.index, *([layout.columns] if layout.columns else []))
         defaults = run.method_defaults if run is not None else {}
         self.labels = {
@@ -91,6 +100,7 @@ class _Making:
         }
         self.index = completed_index(layout, rows, self.named)
         self.reasons: dict[tuple[Outcome, str], int] = {}
+        self.has_printed = False
 
     def named(self, row: ResultRow, column: str) -> Scalar:
         """Return a row's value in an index or pivot column."""
@@ -98,13 +108,19 @@ class _Making:
 
     def table(self) -> Table:
         """Put each case's values at their places."""
-        slots = list(dict.fromkeys((pivot, self.slot(name)) for pivot in self.pivots() for name in self.layout.values))
-        lines: dict[tuple[Scalar, ...], dict[tuple[Scalar, str], Cell]] = {}
+        lines: dict[tuple[Scalar, ...], dict[tuple[Scalar, str, Kind], Cell]] = {}
         for row in self.rows:
             pivot = self.pivot(row)
             for name in self.layout.values:
                 place = tuple(name if c == MEASURE else self.named(row, c) for c in self.index)
-                lines.setdefault(place, {})[pivot, self.slot(name)] = self.cell(row, name)
+                cells, cell = lines.setdefault(place, {}), self.cell(row, name)
+                cells[pivot, self.slot(name), "measured"] = cell
+                for kind, beside in printed_cells(self.layout, row, name, cell):
+                    cells[pivot, self.slot(name), kind] = beside
+        held = {slot for cells in lines.values() for slot in cells}
+        every = itertools.product(self.pivots(), dict.fromkeys(map(self.slot, self.layout.values)), KINDS)
+        slots = [slot for slot in every if slot[2] == "measured" or slot in held]
+        self.has_printed = any(kind == "printed" for _, _, kind in slots)
         body = tuple(
             (
                 *(_index_cell(part, column) for part, column in zip(place, self.index, strict=True)),
@@ -117,7 +133,7 @@ class _Making:
             experiment=self.experiment,
             run_id=self.run.run_id if self.run is not None else next((row.run_id for row in self.rows), ""),
             index=tuple(Header(name, name, header_text(name), header_unit(name)) for name in self.index),
-            values=tuple(self.header(pivot, name) for pivot, name in slots),
+            values=tuple(header_of(kind, self.header(pivot, name)) for pivot, name, kind in slots),
             body=body,
             notes=tuple(plain(shortened(note, LONGEST_NOTE)) for note in self.notes()),
             rows=tuple(self.rows),
@@ -158,9 +174,7 @@ class _Making:
     def title(self) -> str:
         """Return the heading, with what is missing."""
         title = plain(shortened(self.layout.title, LONGEST_NOTE))
-        if self.case_count is not None and len(self.rows) < self.case_count:
-            return f"{title} (partial: {len(self.rows)} of {self.case_count} cases)"
-        return title
+        return f"{title} ({self.missing})" if self.missing else title
 
     def notes(self) -> list[str]:
         """Return what is said below the table."""
@@ -168,6 +182,10 @@ class _Making:
         shared = [self.shared(name) for name in SETTING if name not in (*self.index, self.layout.columns)]
         if any(shared):
             notes.append("all cases: " + ", ".join(filter(None, shared)))
+        if self.layout.where:
+            notes.append("only cases with " + ", ".join(f"{name} {value}" for name, value in self.layout.where.items()))
+        if self.has_printed:
+            notes.append(f"printed: {self.source()}; ratio: measured / printed")
         if self.run is not None and self.run.status in _UNFINISHED:
             notes.append(f"{_UNFINISHED[self.run.status]}; cases may be missing")
         for name in (*self.layout.index, *([self.layout.columns] if self.layout.columns else [])):
@@ -182,6 +200,12 @@ class _Making:
         if len(warnings) > _MOST_WARNINGS:
             notes.append(f"{len(warnings) - _MOST_WARNINGS} more warnings; --format csv holds them all")
         return notes
+
+    def source(self) -> str:
+        """Return where the printed values come from."""
+        definitions = self.run.definitions if self.run is not None else []
+        found = next((d.get("source") for d in definitions if d.get("name") == self.experiment), "")
+        return str(found or "the source's values")
 
     def shared(self, name: str) -> str:
         """Return a setting that all cases have in common, as ``threads 2``, or an empty string."""

@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from shadowbench.camera_pass import render
+from shadowbench.device.launch import Context
 from shadowbench.errors import ParameterError
 from shadowbench.parameters import parse_parameters
-from shadowbench.scene import PointLight, Scene, SpotLight
+from shadowbench.scene import DirectionalLight, PointLight, Scene, SpotLight
 from shadowbench.scenes.random_triangles import GROUND_GAP, TOTAL_AREA, RandomTriangles, random_triangles
+from shadowbench.world import place
 
 
 def _make(**values: object) -> Scene:
@@ -136,3 +139,59 @@ def test_no_two_of_many_triangles_are_the_same() -> None:
 def test_parameters_outside_their_range_are_refused(values: dict[str, object]) -> None:
     with pytest.raises(ParameterError, match=next(iter(values))):
         parse_parameters(RandomTriangles.Parameters, values, owner="scene 'random-triangles'")
+
+
+def _points_tested(triangles: int) -> int:
+    """Sampling points tested in Table 1's view, by brute force over the candidates of a grid in the sun's plane.
+
+    Each point that is turned to the sun and not yet in shadow counts once for each triangle, other than its own and
+    the ground's two, that covers it as seen from the sun; the triangles come in order.
+    """
+    world = place(_make(triangles=triangles))
+    receivers = render(world, world.cameras["middle"], 1024, 768, Context())
+    sun = world.lights["sun"]
+    assert isinstance(sun, DirectionalLight)
+    towards = np.array(sun.direction)
+    side = np.cross(towards, [0.0, 1.0, 0.0])
+    axes = np.stack([side / np.linalg.norm(side), np.cross(towards, side / np.linalg.norm(side)), towards], axis=1)
+    corners = world.vertices[world.triangles].astype(np.float64)
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    eye_side = ((np.array(receivers.eye) - corners[:, 0]) * normal).sum(axis=1) > 0.0
+    is_turned_to = (normal @ towards > 0.0) == eye_side
+
+    point = receivers.position.astype(np.float64) @ axes
+    kept = is_turned_to[receivers.triangle]
+    point, own = point[kept], receivers.triangle[kept]
+    cells = 512
+    low, size = point[:, :2].min(axis=0), np.ptp(point[:, :2], axis=0)
+    column, row = np.clip(((point[:, :2] - low) / size * cells).astype(int), 0, cells - 1).T
+    order = np.argsort(row * cells + column, kind="stable")
+    point, own = point[order], own[order]
+    first = np.searchsorted((row * cells + column)[order], np.arange(cells * cells + 1))
+
+    tested, is_shadowed = 0, np.zeros(len(point), bool)
+    for t, (a, b, c) in enumerate(corners[:triangles] @ axes):
+        bounds = np.array([np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)])[:, :2]
+        (left, top), (right, bottom) = np.clip(((bounds - low) / size * cells).astype(int), 0, cells - 1)
+        rows = [np.arange(first[r * cells + left], first[r * cells + right + 1]) for r in range(top, bottom + 1)]
+        near = np.concatenate(rows)
+        near = near[~is_shadowed[near] & (own[near] != t)]
+        x, y, _ = point[near].T
+        area = [(q[0] - p[0]) * (y - p[1]) - (q[1] - p[1]) * (x - p[0]) for p, q in ((b, c), (c, a), (a, b))]
+        covered = (np.sign(area) >= 0).all(axis=0) | (np.sign(area) <= 0).all(axis=0)
+        tested += int(covered.sum())
+        weights = np.stack(area, axis=1)[covered]
+        weights /= weights.sum(axis=1, keepdims=True)
+        is_nearer = weights @ np.array([a[2], b[2], c[2]]) > point[near[covered], 2]
+        is_shadowed[near[covered][is_nearer]] = True
+    return tested
+
+
+def test_as_many_points_are_tested_for_1000_triangles_as_in_the_paper() -> None:
+    assert _points_tested(1000) == pytest.approx(458_000, rel=0.05)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("triangles", "printed"), [(10_000, 513_000), (100_000, 506_000)])
+def test_the_papers_counts_for_more_triangles_are_predicted(triangles: int, printed: int) -> None:
+    assert _points_tested(triangles) == pytest.approx(printed, rel=0.1)

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import dataclasses
+import io
+import json
 from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from rich.console import Console
 
 from shadowbench import tables
 from shadowbench.errors import ExperimentError, UsageError
-from shadowbench.experiment import TableLayout
+from shadowbench.experiment import Printed, TableLayout
 from shadowbench.rows import Outcome
 from shadowbench.tables.table import Table
 
@@ -192,6 +196,121 @@ def test_each_warning_is_noted_once_with_its_number_of_cases(make_row: Any) -> N
     assert "warning (12 cases): same" in notes
     assert "warning (1 case): own 0" in notes
     assert notes[-1] == "3 more warnings; --format csv holds them all"
+
+
+def test_printed_values_stand_beside_the_measured_with_the_ratio(make_row: Any, make_run: Any) -> None:
+    rows = [
+        make_row(method=method, scene_parameters={"triangles": n}, shade_ms=10.0, counters={"visited": 3 * n})
+        for method in ("afsm", "embree")
+        for n in (1000, 8000)
+    ]
+    layout = TableLayout(
+        "T",
+        ("method", "scene.triangles"),
+        ("counters.visited", "shade_ms"),
+        printed=(Printed({"method": "afsm", "scene.triangles": 1000}, {"counters.visited": 4000.0}),),
+    )
+    run = make_run(definitions=[{"name": "quick", "title": "Quick", "source": "Somebody 2004, table 1"}])
+    table = _one(rows, layout, run)
+    assert _headers(table) == ["method", "triangles", "visited", "visited printed", "visited ratio", "shade [ms]"]
+    assert _grid(table) == [
+        ["afsm", "1000", "3000", "4000", "0.7500", "10.0"],
+        ["afsm", "8000", "24000", "", "", "10.0"],
+        ["embree", "1000", "3000", "", "", "10.0"],
+        ["embree", "8000", "24000", "", "", "10.0"],
+    ]
+    assert "printed: Somebody 2004, table 1; ratio: measured / printed" in table.notes
+    assert "printed: the source's values; ratio: measured / printed" in _one(rows, layout).notes
+    names = [header.name for header in table.values]
+    assert names == ["counters.visited", "counters.visited (printed)", "counters.visited (ratio)", "shade_ms"]
+
+
+def test_the_papers_table_has_a_printed_and_a_ratio_column_for_each_of_its_cases(make_row: Any) -> None:
+    rows = [
+        make_row(method="afsm", scene_parameters={"triangles": n}, stages={"sort": n / 100}, counters={"visited": n})
+        for n in (1000, 8000)
+    ]
+    printed = tuple(
+        Printed({"scene.triangles": n}, {"counters.visited": 500.0, "stages.sort": 4.0}) for n in (1000, 4000)
+    )
+    layout = TableLayout("T", ("measure",), ("counters.visited", "stages.sort"), "scene.triangles", printed=printed)
+    table = _one(rows, layout)
+    assert _headers(table) == [
+        "measure",
+        "triangles=1000",
+        "triangles=1000: printed",
+        "triangles=1000: ratio",
+        "triangles=8000",
+    ]
+    assert _grid(table) == [["visited", "1000", "500", "2.000", "8000"], ["sort [ms]", "10.0", "4", "2.500", "80.0"]]
+    assert len({header.name for header in table.headers}) == 5
+
+
+@pytest.mark.parametrize(
+    ("fields", "shown"),
+    [
+        ({"outcome": "crash", "reason": "it broke"}, ["crash [1]", "4.50"]),
+        ({"shade_ms": None}, ["", "4.50"]),
+        ({"shade_ms": 9.0}, ["9.00", "4.50", "2.000"]),
+    ],
+)
+def test_a_printed_value_has_a_ratio_only_where_something_was_measured(
+    make_row: Any, fields: dict[str, Any], shown: list[str]
+) -> None:
+    layout = TableLayout("T", ("method",), ("shade_ms",), printed=(Printed({"method": "pcf"}, {"shade_ms": 4.5}),))
+    assert _grid(_one([make_row(**fields)], layout)) == [["pcf", *shown]]
+
+
+def test_nothing_is_divided_by_a_printed_zero(make_row: Any) -> None:
+    layout = TableLayout("T", ("method",), ("shade_ms",), printed=(Printed({}, {"shade_ms": 0.0}),))
+    assert _grid(_one([make_row(shade_ms=1.0)], layout)) == [["pcf", "1.00", "0"]]
+
+
+def test_without_a_printed_value_for_any_case_the_table_is_as_without_them(make_row: Any) -> None:
+    rows = [make_row(shade_ms=1.0)]
+    layout = TableLayout("T", ("method",), ("shade_ms",), printed=(Printed({"method": "other"}, {"shade_ms": 4.0}),))
+    plain = _one(rows, TableLayout("T", ("method",), ("shade_ms",)))
+    assert _one(rows, layout) == plain
+
+
+@pytest.mark.parametrize("name", ["csv-table", "markdown", "latex", "json", "rich"])
+def test_every_format_writes_printed_values(make_row: Any, name: Any) -> None:
+    layout = TableLayout("T", ("measure",), ("shade_ms",), "triangles", printed=(Printed({}, {"shade_ms": 4.0}),))
+    text = tables.render([_one([make_row(shade_ms=3.0, triangles=7)], layout)], name)
+    if name == "rich":
+        console = Console(width=100, file=io.StringIO())
+        console.print(text)
+        text = console.file.getvalue()
+    assert "printed" in text
+    assert "0.75" in text
+    if name == "json":
+        (found,) = json.loads(text)
+        assert [cell.get("unit") for cell in found["body"][0][1:]] == ["ms", "ms", "1"]
+
+
+def test_a_table_may_show_some_cases_only_and_is_not_partial_for_that(make_row: Any, make_run: Any) -> None:
+    rows = [
+        make_row(method=method, light=light, method_parameters={"kernel": kernel}, build_ms=float(kernel))
+        for method in ("pcf", "vsm")
+        for light in ("sun", "lamp")
+        for kernel in (3, 7)
+    ]
+    layout = TableLayout("T", ("light",), ("build_ms",), where={"method": "pcf", "kernel": 7})
+    table = _one(rows, layout, make_run(case_count=8))
+    assert _grid(table) == [["sun", "7.00"], ["lamp", "7.00"]]
+    assert table.title == "T"
+    assert "only cases with method pcf, kernel 7" in table.notes
+    assert {row.method for row in table.rows} == {"pcf"}
+    assert _one(rows, layout, make_run(case_count=9)).title == "T (partial: 8 of 9 cases)"
+
+
+def test_conditions_and_printed_values_are_kept_with_the_run(make_row: Any, make_run: Any) -> None:
+    layout = TableLayout("T", ("method",), ("shade_ms",), None, {"light": "sun"}, (Printed({}, {"shade_ms": 4.0}),))
+    stored = json.loads(json.dumps(dataclasses.asdict(layout)))
+    run = make_run(definitions=[{"name": "quick", "title": "Quick", "tables": [stored]}])
+    rows = [make_row(light=light, shade_ms=2.0) for light in ("sun", "lamp")]
+    assert _one(rows, None, run).body == _one(rows, layout).body
+    assert _grid(_one(rows, None, run)) == [["pcf", "2.00", "4", "0.5000"]]
 
 
 @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
