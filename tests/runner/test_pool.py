@@ -26,15 +26,21 @@ def _process(worker: Worker) -> psutil.Process:
     return psutil.Process(worker._process.pid)
 
 
+def _environment(worker: Worker) -> dict[str, str]:
+    """The environment of a worker, asked first: until a process has its new image, the kernel shows an empty one."""
+    worker.ask("names", {"kind": "method"}, 60.0)
+    return _process(worker).environ()
+
+
 def test_a_parked_worker_is_taken_again_for_the_same_threads_only(pool: Pool) -> None:
     worker = pool.take(1)
     assert "good" in worker.ask("names", {"kind": "method"}, 60.0)
-    environment = _process(worker).environ()
+    environment = _environment(worker)
     assert environment["OMP_NUM_THREADS"] == environment["LP_NUM_THREADS"] == "1"
     pool.park(worker)
     other = pool.take(2)
     assert other is not worker
-    assert _process(other).environ()["OMP_NUM_THREADS"] == "2"
+    assert _environment(other)["OMP_NUM_THREADS"] == "2"
     assert pool.take(1) is worker
     pool.park(worker)
 
