@@ -112,8 +112,8 @@ def _measure(plan: Plan, store: Store, record: RunRecord, observer: Observer) ->
     budgets = {experiment.name: experiment.budget_s or DEFAULT_BUDGET_S for experiment in plan.experiments}
     options = plan.options
     with (
+        tempfile.TemporaryDirectory(prefix="shadowbench-") as pictures,  # outlives the workers that write to it
         Pool(options.plugin_files, options.memory_limit_bytes or default_memory_limit()) as pool,
-        tempfile.TemporaryDirectory(prefix="shadowbench-") as pictures,
     ):
         bench = Bench(pool, options, record, store, observer, Path(pictures))
         for cases in plan.comparisons:
