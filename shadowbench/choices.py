@@ -18,6 +18,8 @@ LARGEST_SIDE = 16384
 """Pixels; a larger picture does not fit the memory of the machines this is made for."""
 
 MOST_THREADS = 1024
+MOST_PIXEL_SAMPLES = 256
+MOST_LAYERS = 64
 
 MESH_SUFFIXES = frozenset(
     {".ply", ".obj", ".stl", ".gltf", ".glb", ".vtk", ".vtp", ".vtu", ".vts", ".vtr", ".vtm"}
@@ -111,8 +113,22 @@ def size_of(text: str) -> tuple[int, int]:
 
 def thread_count_of(value: Any) -> int:
     """Return a number of threads."""
-    if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= MOST_THREADS:
-        raise ValueError(f"a number of threads lies between 1 and {MOST_THREADS}, not {value!r}")
+    return _count_of(value, "threads", MOST_THREADS)
+
+
+def pixel_sample_count_of(value: Any) -> int:
+    """Return a number of samples of every pixel."""
+    return _count_of(value, "samples of a pixel", MOST_PIXEL_SAMPLES)
+
+
+def layer_count_of(value: Any) -> int:
+    """Return a number of surfaces that a sample may see."""
+    return _count_of(value, "layers", MOST_LAYERS)
+
+
+def _count_of(value: Any, what: str, most: int) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= most:
+        raise ValueError(f"a number of {what} lies between 1 and {most}, not {value!r}")
     return value
 
 

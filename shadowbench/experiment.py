@@ -10,6 +10,7 @@ file every key of a ``[[comparison]]`` takes one value or a list, and a list swe
     scene = "random-triangles:triangles=1000/10000"
     light = ["sun", "lamp"]
     size = "640x480"
+    pixel_samples = 4                   # each with its own shadow; layers = 8 sees through translucent surfaces
     method = ["ray-traced", {name = "shadow-map", resolution = [512, 2048]}]
 
     [[table]]
@@ -33,7 +34,14 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, TypeVar
 
-from shadowbench.choices import Choice, choice_of_text, size_of, thread_count_of
+from shadowbench.choices import (
+    Choice,
+    choice_of_text,
+    layer_count_of,
+    pixel_sample_count_of,
+    size_of,
+    thread_count_of,
+)
 from shadowbench.errors import ExperimentError, UsageError, did_you_mean
 from shadowbench.experiment_file import ComparisonTable, LayoutTable, read
 
@@ -68,6 +76,8 @@ class Comparison:
         methods: Empty for every method that is found.
         lights, cameras: Names; ``None`` for a scene's first.
         sizes: Width and height of the picture [pixels].
+        pixel_samples: Samples of every pixel, each shadowed by itself.
+        layers: Most surfaces that a sample sees through translucent ones.
         threads: Empty for as many as the run's options say.
     """
 
@@ -76,6 +86,8 @@ class Comparison:
     lights: tuple[str | None, ...] = (None,)
     cameras: tuple[str | None, ...] = (None,)
     sizes: tuple[tuple[int, int], ...] = (DEFAULT_SIZE,)
+    pixel_samples: tuple[int, ...] = (1,)
+    layers: tuple[int, ...] = (1,)
     threads: tuple[int, ...] = ()
 
 
@@ -197,6 +209,8 @@ def _comparison(table: ComparisonTable, folder: Path | None) -> Comparison:
         "lights": table.light,
         "cameras": table.camera,
         "sizes": table.size,
+        "pixel_samples": table.pixel_samples,
+        "layers": table.layers,
         "threads": table.threads,
     }
     scenes = (replace(s, name=str((folder or Path()) / s.name)) if s.is_mesh_file else s for s in table.scene)
@@ -231,6 +245,8 @@ def with_options(
     lights: Sequence[str] = (),
     cameras: Sequence[str] = (),
     sizes: Sequence[str] = (),
+    pixel_samples: Sequence[int] = (),
+    layers: Sequence[int] = (),
     threads: Sequence[int] = (),
 ) -> Experiment:
     """Return an experiment in which each option given replaces what every comparison says.
@@ -244,6 +260,8 @@ def with_options(
         "lights": tuple(lights),
         "cameras": tuple(cameras),
         "sizes": _each(size_of, sizes),
+        "pixel_samples": _each(pixel_sample_count_of, pixel_samples),
+        "layers": _each(layer_count_of, layers),
         "threads": _each(thread_count_of, threads),
     }
     changes: dict[str, Any] = {name: values for name, values in given.items() if values}

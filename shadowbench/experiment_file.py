@@ -24,7 +24,16 @@ from pydantic import (
     model_validator,
 )
 
-from shadowbench.choices import Choice, Scalar, choice_of_table, choice_of_text, size_of, thread_count_of
+from shadowbench.choices import (
+    Choice,
+    Scalar,
+    choice_of_table,
+    choice_of_text,
+    layer_count_of,
+    pixel_sample_count_of,
+    size_of,
+    thread_count_of,
+)
 from shadowbench.errors import ExperimentError, did_you_mean
 from shadowbench.rows import LONG_FIELDS, ResultRow
 from shadowbench.toml_lines import line_numbers, line_of
@@ -96,6 +105,8 @@ _ListRules = (BeforeValidator(_as_list), AfterValidator(_without_repeats), Field
 Choices = Annotated[list[Annotated[Choice, PlainValidator(_choice)]], *_ListRules]
 Names = Annotated[list[Annotated[str, PlainValidator(_name)]], *_ListRules]
 Sizes = Annotated[list[Annotated[tuple[int, int], PlainValidator(_size)]], *_ListRules]
+PixelSampleCounts = Annotated[list[Annotated[int, PlainValidator(pixel_sample_count_of)]], *_ListRules]
+LayerCounts = Annotated[list[Annotated[int, PlainValidator(layer_count_of)]], *_ListRules]
 ThreadCounts = Annotated[list[Annotated[int, PlainValidator(thread_count_of)]], *_ListRules]
 Condition = Annotated[Scalar, PlainValidator(_condition)]
 Conditions = Annotated[Scalar | list[Scalar], PlainValidator(_conditions)]
@@ -113,6 +124,8 @@ class ComparisonTable(BaseModel):
     light: Names | None = None
     camera: Names | None = None
     size: Sizes | None = None
+    pixel_samples: PixelSampleCounts | None = None
+    layers: LayerCounts | None = None
     threads: ThreadCounts | None = None
 
 

@@ -117,7 +117,9 @@ def measure(
         columns |= _share(name, mask, int(among.get(name, scored).sum()))
     if "classified" in masks:
         found["classified"] = masks["classified"]
-        columns |= _share("classified", masks["classified"], receivers.width * receivers.height)
+        seen = np.zeros(receivers.width * receivers.height, dtype=bool)
+        seen[receivers.pixel[masks["classified"]]] = True
+        columns |= _share("classified", seen, len(seen))
     return Measurement(columns, found)
 
 

@@ -65,6 +65,8 @@ class ResultRow(BaseModel):
     camera: str = Field(description="name of the scene's camera")
     width: int = Field(description="picture width [pixels]")
     height: int = Field(description="picture height [pixels]")
+    pixel_samples: int = Field(1, description="samples of every pixel, each a receiver")
+    layers: int = Field(1, description="most surfaces that a sample sees through translucent ones, each a receiver")
     device: str = Field(description="Warp device")
     threads: int = Field(description="threads the method may use")
 
@@ -107,7 +109,7 @@ class ResultRow(BaseModel):
     failure_percent: float | None = _column("false lit + false shadow", "%")
     failure_count: int | None = _column("", "receivers")
     classified_percent: float | None = _column("the method's own failure test, of all pixels of the picture", "%")
-    classified_count: int | None = _column("", "receivers")
+    classified_count: int | None = _column("", "pixels")
     acne_percent: float | None = _column("false shadow outside the edge band", "%")
     acne_count: int | None = _column("", "receivers")
     peter_panning_percent: float | None = _column("false lit outside the edge band with a near blocker", "%")

@@ -63,7 +63,10 @@ def options(results: Path, **changes: Any) -> RunOptions:
 def planned(results: Path, *methods: str, scenes: tuple[str, ...] = ("tiny",), **changes: Any) -> Plan:
     """Plan methods on the tiny scene."""
     chosen = experiment.from_options(
-        methods=methods, scenes=scenes, sizes=changes.pop("sizes", ["48x32"]), lights=changes.pop("lights", [])
+        methods=methods,
+        scenes=scenes,
+        sizes=changes.pop("sizes", ["48x32"]),
+        **{name: changes.pop(name, []) for name in ("lights", "pixel_samples", "layers")},
     )
     return runner.plan([chosen], options(results, **changes))
 

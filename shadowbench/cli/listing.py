@@ -190,11 +190,15 @@ def _show_experiment(experiment: Experiment) -> None:
             ", ".join(name or "first" for name in c.lights),
             ", ".join(name or "first" for name in c.cameras),
             ", ".join(f"{width}x{height}" for width, height in c.sizes),
+            ", ".join(map(str, c.pixel_samples)),
+            ", ".join(map(str, c.layers)),
             ", ".join(map(str, c.threads)) or "as the run",
         )
         for c in experiment.comparisons
     ]
-    _rows("Comparisons", ("scenes", "methods", "lights", "cameras", "sizes", "threads"), lines)
+    _rows(
+        "Comparisons", ("scenes", "methods", "lights", "cameras", "sizes", "pixel samples", "layers", "threads"), lines
+    )
     titles = [(layout.title, ", ".join(layout.values)) for layout in experiment.tables]
     _rows("Tables", ("title", "columns"), titles)
 

@@ -22,6 +22,7 @@ from shadowbench.tables.plain_text import shortened
 
 if TYPE_CHECKING:
     from shadowbench.runner import Case, Observer, Plan
+    from shadowbench.runner.cases import View
 
 
 @contextmanager
@@ -170,13 +171,13 @@ class Described:
     def of_case(cls, case: Case) -> Described:
         """Describe a planned case."""
         view = case.view
-        settings = _settings(case.experiment, view.light, view.camera, view.width, view.height, case.threads)
+        settings = _settings(case.experiment, view, case.threads)
         return cls(case.method, case.method_parameters, view.scene, view.scene_parameters, settings)
 
     @classmethod
     def of_row(cls, row: ResultRow) -> Described:
         """Describe a row's case."""
-        settings = _settings(row.experiment, row.light, row.camera, row.width, row.height, row.threads)
+        settings = _settings(row.experiment, row, row.threads)
         return cls(row.method, row.method_parameters, row.scene, row.scene_parameters, settings)
 
     def values(self) -> Iterator[tuple[str, str, str]]:
@@ -190,12 +191,14 @@ class Described:
                 yield owner, name, repr(value)
 
 
-def _settings(experiment: str, light: str, camera: str, width: int, height: int, threads: int) -> dict[str, str]:
+def _settings(experiment: str, view: View | ResultRow, threads: int) -> dict[str, str]:
     return {
         "experiment": experiment,
-        "light": f"light {light}",
-        "camera": f"camera {camera}",
-        "size": f"{width}x{height}",
+        "light": f"light {view.light}",
+        "camera": f"camera {view.camera}",
+        "size": f"{view.width}x{view.height}",
+        "pixel_samples": f"samples a pixel {view.pixel_samples}",
+        "layers": f"layers {view.layers}",
         "threads": f"threads {threads}",
     }
 

@@ -2,8 +2,8 @@
 
 Without an experiment and without ``--method`` or ``--scene`` the ``quick`` experiment runs; with one of these two it
 is an experiment of their own, made of every method or the default scene where only one is given. Beside a named
-experiment, ``--method``, ``--scene``, ``--light``, ``--camera``, ``--size`` and ``--threads`` each replace what the
-experiment's comparisons say.
+experiment, ``--method``, ``--scene``, ``--light``, ``--camera``, ``--size``, ``--pixel-samples``, ``--layers`` and
+``--threads`` each replace what the experiment's comparisons say.
 """
 
 from __future__ import annotations
@@ -77,6 +77,14 @@ def run(
     size: Annotated[
         list[str] | None, typer.Option("--size", metavar="WIDTHxHEIGHT", help="The picture's size, like 1024x768.")
     ] = None,
+    pixel_samples: Annotated[
+        list[int] | None,
+        typer.Option("--pixel-samples", metavar="N", min=1, help="Samples of every pixel, each shadowed by itself."),
+    ] = None,
+    layers: Annotated[
+        list[int] | None,
+        typer.Option("--layers", metavar="N", min=1, help="Most surfaces a sample sees through translucent ones."),
+    ] = None,
     device: Annotated[str, typer.Option("--device", metavar="NAME", help="The Warp device.")] = "cpu",
     threads: Annotated[
         list[int] | None,
@@ -107,6 +115,8 @@ def run(
         "lights": light or [],
         "cameras": camera or [],
         "sizes": size or [],
+        "pixel_samples": pixel_samples or [],
+        "layers": layers or [],
         "threads": threads or [],
     }
     given = {

@@ -32,7 +32,10 @@ TIMES = {
     "dynamic_frame": "dynamic frame",
 }
 
-Key = tuple[str, str, str, str, int, int]
+_OWN_PICTURE = "picture-"
+"""How the names of pictures begin that a method itself drew."""
+
+Key = tuple[str, str, str, str, int, int, int, int]
 
 
 @dataclass(frozen=True)
@@ -53,6 +56,7 @@ class Card:
         title: The method with those parameters in which it differs from its neighbours.
         row: What was measured.
         result, failures: Pictures, where there are any.
+        own_pictures: (name, picture) of those that the method itself drew.
         headline: The few figures that are always shown.
         times: (name, median, 95 % interval).
         stages: With what they leave unexplained as the last one.
@@ -64,6 +68,7 @@ class Card:
     row: ResultRow
     result: Embedded | None
     failures: Embedded | None
+    own_pictures: list[tuple[str, Embedded]]
     headline: Facts
     parameters: Facts
     times: list[tuple[str, str, str]]
@@ -93,7 +98,8 @@ class SceneView:
 def view_key(row: ResultRow) -> Key:
     """Return what two rows must share to be compared with one reference."""
     parameters = json.dumps(row.scene_parameters, sort_keys=True, default=str)
-    return (row.scene, parameters, row.light, row.camera, row.width, row.height)
+    picture = (row.width, row.height, row.pixel_samples, row.layers)
+    return (row.scene, parameters, row.light, row.camera, *picture)
 
 
 def by_view(rows: Iterable[ResultRow]) -> list[list[ResultRow]]:
@@ -125,9 +131,22 @@ def scene_views(run: RunRecord, rows: Sequence[ResultRow], embedder: Embedder) -
 
 def picture_count(rows: Sequence[ResultRow]) -> int:
     """Return how many different pictures :func:`scene_views` will ask for."""
-    names = {r.artifacts[name] for r in rows for name in ("result", "failures") if name in r.artifacts}
+    names = {file for r in rows for name, file in r.artifacts.items() if _is_shown(name)}
     references = [[r.artifacts["reference"] for r in g if "reference" in r.artifacts][:1] for g in by_view(rows)]
     return len(names.union(*references))
+
+
+def _is_shown(artifact: str) -> bool:
+    return artifact in ("result", "failures") or artifact.startswith(_OWN_PICTURE)
+
+
+def _own_pictures(row: ResultRow, embedder: Embedder) -> list[tuple[str, Embedded]]:
+    found = []
+    for name, file in row.artifacts.items():
+        image = embedder.picture(file) if name.startswith(_OWN_PICTURE) else None
+        if image is not None:
+            found.append((name.removeprefix(_OWN_PICTURE), image))
+    return found
 
 
 def titles(rows: Sequence[ResultRow], run: RunRecord) -> list[str]:
@@ -148,6 +167,10 @@ def _scene_facts(group: Sequence[ResultRow]) -> Facts:
     measured = next((r for r in group if r.receivers is not None), first)
     facts = [(key, str(value)) for key, value in first.scene_parameters.items()]
     facts.append(("picture", f"{first.width} \u00d7 {first.height} pixels"))
+    if first.pixel_samples > 1:
+        facts.append(("samples of every pixel", str(first.pixel_samples)))
+    if first.layers > 1:
+        facts.append(("layers", f"up to {first.layers}"))
     if measured.triangles is not None:
         facts.insert(0, ("triangles in all", wording.count(measured.triangles)))
     if measured.receivers is not None:
@@ -167,6 +190,7 @@ def _cards(run: RunRecord, group: Sequence[ResultRow], view: str, embedder: Embe
                 row=row,
                 result=embedder.picture(result) if result else None,
                 failures=embedder.mask(failures) if failures else None,
+                own_pictures=_own_pictures(row, embedder),
                 headline=_headline(row),
                 parameters=[(k, str(v)) for k, v in row.method_parameters.items()],
                 times=_times(row),
@@ -248,6 +272,10 @@ def reproduce_command(row: ResultRow) -> str:
     words = ["shadowbench", "run", "--scene", _choice(row.scene, row.scene_parameters)]
     words += ["--method", _choice(row.method, row.method_parameters)]
     words += ["--light", row.light, "--camera", row.camera, "--size", f"{row.width}x{row.height}"]
+    if row.pixel_samples > 1:
+        words += ["--pixel-samples", str(row.pixel_samples)]
+    if row.layers > 1:
+        words += ["--layers", str(row.layers)]
     words += ["--device", row.device, "--threads", str(row.threads)]
     return shlex.join(wording.shown(word) for word in words)
 

@@ -177,6 +177,8 @@ class Block:
             "camera": view.camera,
             "width": view.width,
             "height": view.height,
+            "pixel_samples": view.pixel_samples,
+            "layers": view.layers,
             "device": case.device,
             "threads": case.threads,
         }

@@ -19,7 +19,17 @@ class CameraHost:
     """Holds the camera pass of one view."""
 
     def load(
-        self, *, cache: str, entries: dict[str, str], camera: str, width: int, height: int, device: str, threads: int
+        self,
+        *,
+        cache: str,
+        entries: dict[str, str],
+        camera: str,
+        width: int,
+        height: int,
+        pixel_samples: int,
+        layers: int,
+        device: str,
+        threads: int,
     ) -> dict[str, Any]:
         """Open the world and make the camera pass.
 
@@ -28,11 +38,14 @@ class CameraHost:
             entries: Name of ``world`` in it.
             camera: Name in the world.
             width, height: Picture size [pixels].
+            pixel_samples, layers: Samples of every pixel, and most surfaces that each sees.
             device, threads: Where to run.
         """
         world: World = Cache(Path(cache)).open(entries["world"])
         context = Context(device, threads)
-        self._camera_pass = CameraPass(world, world.cameras[camera], width, height, context)
+        self._camera_pass = CameraPass(
+            world, world.cameras[camera], width, height, context, samples=pixel_samples, layers=layers
+        )
         return {}
 
     def warm_up(self) -> dict[str, Any]:

@@ -77,6 +77,8 @@ class View:
         triangles: Of the placed scene, over all instances.
         light, camera: Names that the scene has.
         width, height: Size of the picture [pixels].
+        pixel_samples: Samples of every pixel.
+        layers: Most surfaces that a sample sees.
         notes: The scene's warnings.
     """
 
@@ -89,10 +91,14 @@ class View:
     camera: str
     width: int
     height: int
+    pixel_samples: int = 1
+    layers: int = 1
     notes: tuple[str, ...] = ()
 
     def __str__(self) -> str:
-        return f"{self.scene}, light '{self.light}', camera '{self.camera}', {self.width}x{self.height}"
+        text = f"{self.scene}, light '{self.light}', camera '{self.camera}', {self.width}x{self.height}"
+        text += f", {self.pixel_samples} samples a pixel" if self.pixel_samples > 1 else ""
+        return text + (f", {self.layers} layers" if self.layers > 1 else "")
 
 
 @dataclass(frozen=True)

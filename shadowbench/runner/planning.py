@@ -12,7 +12,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 from shadowbench.errors import PluginError, SceneError, UsageError, did_you_mean
 from shadowbench.experiment import Choice, Comparison, Experiment
@@ -24,6 +24,9 @@ from shadowbench.runner.protocol import CaseFailure
 
 MOST_CASES = 20_000
 """More is a slip in a sweep, not a plan."""
+
+MOST_RECEIVERS = 1 << 28
+"""Of one picture, if every sample sees all its layers: what fits in some 40 GB."""
 
 _USER_MISTAKES = {
     "describe_method": (),
@@ -89,12 +92,24 @@ def _without_repeats(comparisons: list[list[Case]]) -> tuple[tuple[Case, ...], .
 def _least_case_count(comparison: Comparison) -> int:
     """Count the cases of a comparison; every method that may be found counts as one."""
     choices = [sum(_sweep_size(c) for c in those) for those in (comparison.scenes, comparison.methods)]
-    others = (comparison.lights, comparison.cameras, comparison.sizes, comparison.threads)
+    others = (
+        *(comparison.lights, comparison.cameras, comparison.sizes),
+        *(comparison.pixel_samples, comparison.layers, comparison.threads),
+    )
     return math.prod(max(1, count) for count in (*choices, *map(len, others)))
 
 
 def _sweep_size(choice: Choice) -> int:
     return math.prod(len(values) for values in choice.values.values())
+
+
+class Picture(NamedTuple):
+    """A picture's size [pixels], samples of every pixel, and most surfaces that a sample sees."""
+
+    width: int
+    height: int
+    pixel_samples: int
+    layers: int
 
 
 class _Resolver:
@@ -133,10 +148,22 @@ class _Resolver:
         if max(threads) > available_cores():
             note = f"{max(threads)} threads share {available_cores()} cores: their times say little"
             self.notes += [note] if note not in self.notes else []
-        dimensions = (scenes, comparison.lights, comparison.cameras, comparison.sizes, threads)
+        pictures = [
+            Picture(*size, samples, layers)
+            for size, samples, layers in itertools.product(
+                comparison.sizes, comparison.pixel_samples, comparison.layers
+            )
+        ]
+        for picture in pictures:
+            if math.prod(picture) > MOST_RECEIVERS:
+                raise UsageError(
+                    f"{picture.width}x{picture.height} pixels of {picture.pixel_samples} samples and {picture.layers}"
+                    f" layers are {math.prod(picture):,} receivers, more than {MOST_RECEIVERS:,}; ask for fewer"
+                )
+        dimensions = (scenes, comparison.lights, comparison.cameras, pictures, threads)
         grouped = []
-        for scene, light, camera, size, thread_count in itertools.product(*dimensions):
-            view, obstacle = self._view(*scene, light, camera, size)
+        for scene, light, camera, picture, thread_count in itertools.product(*dimensions):
+            view, obstacle = self._view(*scene, light, camera, picture)
             grouped.append(
                 [
                     self._case(experiment, view, obstacle, method, values, thread_count)
@@ -146,7 +173,7 @@ class _Resolver:
         return grouped
 
     def _view(
-        self, name: str, values: dict[str, Any], light: str | None, camera: str | None, size: tuple[int, int]
+        self, name: str, values: dict[str, Any], light: str | None, camera: str | None, picture: Picture
     ) -> tuple[tuple[View, dict[str, Any]], Obstacle | None]:
         """Return a view, the part of its scene's parameters that keys hold, and what keeps it from being drawn."""
         self._must_exist("scene", name)
@@ -166,8 +193,10 @@ class _Resolver:
             triangles=world["triangles"],
             light=_one_of(world["lights"], light, "light", scene["name"]),
             camera=_one_of(world["cameras"], camera, "camera", scene["name"]),
-            width=size[0],
-            height=size[1],
+            width=picture.width,
+            height=picture.height,
+            pixel_samples=picture.pixel_samples,
+            layers=picture.layers,
             notes=tuple(world["notes"]),
         )
         return (view, scene["portable_parameters"]), obstacle
@@ -194,7 +223,7 @@ class _Resolver:
         quality_key = key_of(
             {
                 "scene": [view.scene, scene_parameters, view.content or view.world_key],
-                "view": [view.light, view.camera, view.width, view.height],
+                "view": [view.light, view.camera, view.width, view.height, view.pixel_samples, view.layers],
                 "method": [method, parameters, described["code"]],
                 "platform": [self._device["kind"], self._device["warp"], described["libraries"]],
                 "truth": [self._device["truth"], self._device["metric_version"]],

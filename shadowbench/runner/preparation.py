@@ -85,9 +85,9 @@ def prepare(folder: Path, view: dict[str, Any], threads: int) -> dict[str, Any]:
     world_entry = world_name(view["world_key"])
     world: World = cache.open(world_entry)
     camera, light = world.cameras[view["camera"]], world.lights[view["light"]]
-    size = [view["width"], view["height"]]
+    picture = {name: view[name] for name in ("width", "height", "pixel_samples", "layers")}
     receivers_key = key_of(
-        [view["content"], content_digest(camera), size, code_digest("shadowbench.camera_pass")],
+        [view["content"], content_digest(camera), picture, code_digest("shadowbench.camera_pass")],
     )
     receivers_entry = f"receivers-{receivers_key}"
     reference_key = key_of([receivers_key, content_digest(light), code_digest("shadowbench.reference")])
@@ -95,7 +95,15 @@ def prepare(folder: Path, view: dict[str, Any], threads: int) -> dict[str, Any]:
     try:
         receivers: Receivers = cache.open(receivers_entry)
     except CacheMissError:
-        receivers = render(world, camera, view["width"], view["height"], context)
+        receivers = render(
+            world,
+            camera,
+            view["width"],
+            view["height"],
+            context,
+            samples=view["pixel_samples"],
+            layers=view["layers"],
+        )
         cache.store(receivers_entry, receivers)
     if not cache.has(reference_entry):
         reference: Reference = hard_reference(world, receivers, light, context)

@@ -128,6 +128,8 @@ def _common(case: Case, run: RunRecord) -> dict[str, Any]:
         "camera": view.camera,
         "width": view.width,
         "height": view.height,
+        "pixel_samples": view.pixel_samples,
+        "layers": view.layers,
         "device": case.device,
         "threads": case.threads,
         "warnings": list(view.notes),

@@ -211,8 +211,8 @@ class _Making:
         """Return a setting that all cases have in common, as ``threads 2``, or an empty string."""
         found = {self.named(row, name) for row in self.rows}
         value = found.pop() if len(found) == 1 else ""
-        if value == "":
-            return ""
+        if value == "" or (name in ("pixel_samples", "layers") and value == 1):
+            return ""  # what an ordinary picture has goes without saying
         return str(value) if name == "size" else f"{name} {value}"
 
 

@@ -22,7 +22,9 @@ from shadowbench.store import Store
 
 Command = Callable[..., Any]
 
-NO_CHOICES: dict[str, Any] = dict.fromkeys(("methods", "scenes", "lights", "cameras", "sizes", "threads"), ())
+NO_CHOICES: dict[str, Any] = dict.fromkeys(
+    ("methods", "scenes", "lights", "cameras", "sizes", "pixel_samples", "layers", "threads"), ()
+)
 VIEW = View("box-on-plane", {"height": 0.5}, "", "", 12, "sun", "main", 64, 48)
 
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import shlex
 
-from stored_rows import some_row, some_run
+from stored_rows import png, some_row, some_run, with_pictures
 
 from shadowbench.experiment import parse_choice, parse_size
-from shadowbench.report.cases import by_view, reproduce_command, scene_views, titles
+from shadowbench.report.cases import by_view, picture_count, reproduce_command, scene_views, titles
 from shadowbench.report.embedding import Embedder
+from shadowbench.store import Store
 
 
 def test_rows_that_share_a_reference_stand_together() -> None:
@@ -49,3 +50,23 @@ def test_command_names_the_same_case_again() -> None:
     assert method.values == {"resolution": ("512",), "receiver_plane": ("true",)}
     assert parse_size(option["--size"]) == (row.width, row.height)
     assert (option["--light"], option["--camera"], option["--threads"]) == ("sun", "main", "2")
+
+
+def test_samples_and_layers_make_a_view_of_their_own_and_are_part_of_the_command() -> None:
+    one, four = some_row(), some_row(pixel_samples=4, layers=8)
+    assert len(by_view([one, four])) == 2
+    assert "--pixel-samples" not in reproduce_command(one)
+    words = shlex.split(reproduce_command(four))
+    assert words[words.index("--pixel-samples") + 1] == "4"
+    assert words[words.index("--layers") + 1] == "8"
+
+
+def test_pictures_that_a_method_drew_itself_are_shown_and_counted(store: Store) -> None:
+    row = with_pictures(store, some_row())
+    own = {"picture-BSP over the samples": store.put_artifact(png(7), "png")}
+    row = row.model_copy(update={"artifacts": row.artifacts | own})
+    assert picture_count([row]) == 4
+    (view,) = scene_views(some_run(), [row], Embedder(store.artifact, picture_count=4, byte_budget=1_000_000))
+    ((name, picture),) = view.cards[0].own_pictures
+    assert name == "BSP over the samples"
+    assert (picture.width, picture.height) == (64, 48)

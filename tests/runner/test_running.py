@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from small_runs import PLUGIN_FILES, PLUGINS, Ended, Recorder, carry_out, planned
 
-from shadowbench.errors import StoreError
+from shadowbench.errors import StoreError, UsageError
 from shadowbench.rows import Outcome, RunStatus
 from shadowbench.store import Store
 
@@ -121,3 +121,19 @@ def test_cases_that_do_not_fit_in_memory_are_measured_in_blocks_beside_the_first
     assert first.comparison == second.comparison != third.comparison
     assert "baseline shade" not in second.samples
     assert len(third.samples["baseline shade"]) == third.rounds
+
+
+def test_every_sample_of_a_pixel_is_a_receiver_with_its_own_shadow(measure: Measure) -> None:
+    (one,) = measure("formula", scenes=("tiny:ground=8",), sizes=["96x64"]).rows
+    (four,) = measure("formula", scenes=("tiny:ground=8",), sizes=["96x64"], pixel_samples=[4]).rows
+    assert (one.pixel_samples, four.pixel_samples) == (1, 4)
+    assert one.receivers is not None
+    assert four.receivers == 4 * one.receivers == four.counters["receivers looked at"]
+    assert four.failure_count == 0
+    assert one.case_key != four.case_key
+    assert one.visibility_digest != four.visibility_digest
+
+
+def test_a_picture_of_too_many_receivers_is_refused_before_anything_is_made(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"8192x8192 pixels of 256 samples and 1 layers are 17,179,869,184 receivers"):
+        planned(tmp_path, "formula", sizes=["8192x8192"], pixel_samples=[256])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import sqlite3
 import subprocess
@@ -12,10 +13,14 @@ from typing import Any
 
 import pytest
 from alembic import op
-from sqlalchemy import Connection
+from sqlalchemy import Connection, create_engine, text
+from stored_rows import some_row, some_run
 
 from shadowbench.errors import StoreError
+from shadowbench.rows import LONG_FIELDS
 from shadowbench.store import DATABASE_NAME, Store, schema
+
+CURRENT = schema.REVISIONS[-1]
 
 
 def _execute(folder: Path, *statements: str) -> list[Any]:
@@ -65,18 +70,18 @@ def older_database(tmp_path: Path, make_run: Any) -> Path:
 
 @pytest.fixture
 def newer_version(older_database: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Make this a later shadowbench, whose revision 0002 adds a column."""
+    """Make this a later shadowbench, whose revision 9002 adds a column."""
 
-    def upgrade(connection: Connection, revision: str = "0002") -> None:
+    def upgrade(connection: Connection, revision: str = "9002") -> None:
         from alembic.operations import Operations
         from alembic.runtime.migration import MigrationContext
 
-        assert revision == "0002"
+        assert revision == "9002"
         with Operations.context(MigrationContext.configure(connection)):
             op.execute("ALTER TABLE runs ADD COLUMN later TEXT")
-            op.execute("UPDATE alembic_version SET version_num = '0002'")
+            op.execute("UPDATE alembic_version SET version_num = '9002'")
 
-    monkeypatch.setattr(schema, "REVISIONS", ("0001", "0002"))
+    monkeypatch.setattr(schema, "REVISIONS", (*schema.REVISIONS, "9002"))
     monkeypatch.setattr(schema, "upgrade", upgrade)
 
 
@@ -85,7 +90,7 @@ def test_an_older_database_is_upgraded_when_it_is_opened(older_database: Path) -
     with Store.open(older_database) as store:
         assert [run.run_id for run in store.runs()] == ["kept"]
     ((revision,),) = _execute(older_database, "SELECT version_num FROM alembic_version")
-    assert revision == ("0002",)
+    assert revision == ("9002",)
 
 
 @pytest.mark.usefixtures("newer_version")
@@ -94,7 +99,7 @@ def test_an_upgrade_that_fails_leaves_the_database_as_it_was(
 ) -> None:
     working = schema.upgrade
 
-    def failing(connection: Connection, revision: str = "0002") -> None:
+    def failing(connection: Connection, revision: str = "9002") -> None:
         working(connection, revision)
         connection.exec_driver_sql("INSERT INTO missing VALUES (1)")
 
@@ -103,14 +108,16 @@ def test_an_upgrade_that_fails_leaves_the_database_as_it_was(
     revision, columns = _execute(
         older_database, "SELECT version_num FROM alembic_version", "SELECT name FROM pragma_table_info('runs')"
     )
-    assert revision == [("0001",)]
+    assert revision == [(CURRENT,)]
     assert ("later",) not in columns
 
 
 def test_a_newer_database_is_refused_and_both_versions_are_named(older_database: Path) -> None:
-    _execute(older_database, "UPDATE alembic_version SET version_num = '0042'")
+    _execute(older_database, "UPDATE alembic_version SET version_num = '9942'")
     before = (older_database / DATABASE_NAME).read_bytes()
-    _opening_fails(older_database, r"newer shadowbench \(schema 0042\); this version reads up to schema 0001: upgrade")
+    _opening_fails(
+        older_database, rf"newer shadowbench \(schema 9942\); this version reads up to schema {CURRENT}: upgrade"
+    )
     assert (older_database / DATABASE_NAME).read_bytes() == before
 
 
@@ -162,3 +169,21 @@ def test_a_copied_folder_opens(older_database: Path, tmp_path: Path) -> None:
     shutil.copytree(older_database, tmp_path / "copy")
     with Store.open(tmp_path / "copy", create=False) as store:
         assert [run.run_id for run in store.runs()] == ["kept"]
+
+
+def test_rows_from_before_pixels_had_samples_have_one_of_everything(tmp_path: Path) -> None:
+    """A database as revision 0001 made it, with a row in it."""
+    engine = create_engine(f"sqlite:///{tmp_path / DATABASE_NAME}")
+    with engine.begin() as connection:
+        schema.upgrade(connection, "0001")
+        run, row = some_run(), some_row()
+        stored = row.model_dump(mode="json", exclude=set(LONG_FIELDS) | {"pixel_samples", "layers"})
+        for table, values in (("runs", run.model_dump(mode="json")), ("rows", stored)):
+            plain = {k: json.dumps(v) if isinstance(v, dict | list) else v for k, v in values.items()}
+            names, places = ", ".join(plain), ", ".join(f":{name}" for name in plain)
+            connection.execute(text(f"INSERT INTO {table} ({names}) VALUES ({places})"), plain)
+    engine.dispose()
+    with Store.open(tmp_path) as store:
+        (found,) = store.rows(run.run_id)
+    assert found == row
+    assert (found.pixel_samples, found.layers) == (1, 1)

@@ -84,7 +84,7 @@ def test_a_heading_names_the_quantity_and_its_unit(name: str, heading: str, unit
 
 
 def test_every_number_of_a_row_has_a_unit_or_is_a_setting() -> None:
-    settings = {"width", "height", "threads"}
+    settings = {"width", "height", "pixel_samples", "layers", "threads"}
     for name, field in ResultRow.model_fields.items():
         if name in ROW_COLUMNS and field.annotation in (int, int | None, float | None) and name not in settings:
             assert unit_of(name), name
