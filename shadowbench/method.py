@@ -88,6 +88,7 @@ class Trace:
         masks: Mask name to bool per receiver.
         kept: Array name to the array that stays alive between frames (memory, and pictures for the report).
         kept_bytes: Name to bytes that stay alive without being an array.
+        pictures: Picture name to 8-bit sRGB, shape [height, width, 3].
     """
 
     context: Context = field(default_factory=Context)
@@ -96,6 +97,7 @@ class Trace:
     masks: dict[str, NDArray[np.bool_]] = field(default_factory=dict)
     kept: dict[str, Any] = field(default_factory=dict)
     kept_bytes: dict[str, int] = field(default_factory=dict)
+    pictures: dict[str, NDArray[np.uint8]] = field(default_factory=dict)
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
@@ -122,6 +124,12 @@ class Trace:
     def keep_bytes(self, name: str, byte_count: int) -> None:
         """Report memory that stays alive but is no array (a peer's acceleration structure, say)."""
         self.kept_bytes[name] = int(byte_count)
+
+    def picture(self, name: str, image: NDArray[np.uint8]) -> None:
+        """Give the report a picture of the method's own, from ``explain()``; sRGB, shape [height, width, 3]."""
+        if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
+            raise ValueError(f"picture '{name}' must be uint8 of shape [height, width, 3]")
+        self.pictures[name] = image
 
     def bytes_by_name(self) -> dict[str, int]:
         """Return what stays alive between frames [bytes]."""

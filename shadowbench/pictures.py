@@ -93,7 +93,7 @@ def mask_picture(receivers: Receivers, mask: Mask) -> bytes:
     """Return a mask as a 1-bit PNG, white where any receiver of the pixel is in it."""
     image = np.zeros(receivers.width * receivers.height, dtype=bool)
     image[receivers.pixel[mask]] = True
-    return _png(Image.fromarray(image.reshape(receivers.height, receivers.width)))
+    return _encoded(Image.fromarray(image.reshape(receivers.height, receivers.width)))
 
 
 def case_pictures(
@@ -108,16 +108,21 @@ def case_pictures(
     result = shaded(world, light, receivers, visibility)
     exact = shaded(world, light, receivers, reference.visibility)
     pictures = {
-        "result": _png(Image.fromarray(result)),
-        "reference": _png(Image.fromarray(exact)),
-        "failures": _png(Image.fromarray(failure_picture(exact, receivers, masks))),
+        "result": png(result),
+        "reference": png(exact),
+        "failures": png(failure_picture(exact, receivers, masks)),
     }
     for name, mask in masks.items():
         pictures[f"mask-{name.replace('_', '-')}"] = mask_picture(receivers, mask)
     return pictures
 
 
-def _png(image: Image.Image) -> bytes:
+def png(image: Image8) -> bytes:
+    """Return a picture as a PNG file's bytes."""
+    return _encoded(Image.fromarray(image))
+
+
+def _encoded(image: Image.Image) -> bytes:
     file = io.BytesIO()
     image.save(file, format="PNG", optimize=False)
     return file.getvalue()

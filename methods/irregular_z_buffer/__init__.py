@@ -16,18 +16,12 @@ to the receivers that each of them covers.
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Literal
+from typing import ClassVar, Literal
 
-import warp as wp
-
-from shadowbench.device.blocker_bins import transmittances_of
-from shadowbench.device.irregular_strips import IrregularStrips
-from shadowbench.device.light_samples import LightSamples
-from shadowbench.method import Changes, Method, Trace, View
+from shadowbench.device.irregular_strips import IrregularStrips, StripCounts
+from shadowbench.irregular_method import TESTED, IrregularMethod, IrregularRasterizer
+from shadowbench.method import Trace
 from shadowbench.parameters import ParameterModel, parameter
-from shadowbench.receivers import Receivers
-from shadowbench.scene import Light, RectangularLight
-from shadowbench.world import Casters, World
 
 
 class IrregularZBufferParameters(ParameterModel):
@@ -39,51 +33,27 @@ class IrregularZBufferParameters(ParameterModel):
     )
 
 
-class IrregularZBuffer(Method):
+class IrregularZBuffer(IrregularMethod[StripCounts]):
     """Rasterisation at the receivers, over cells with lists."""
 
     name = "irregular-z-buffer"
     title = "Irregular z-buffer"
     source = "Johnson, Mark & Burns 2004; strip layout: this project"
-    self_hit = "plane"
+    structure_stage = "sorting"
+    structure_title = "cells"
     Parameters = IrregularZBufferParameters
     counters: ClassVar[dict[str, str]] = {
         "runs scanned": "pairs of a triangle and a strip (row of cells) in which it met receivers",
-        "sampling points tested": "unshadowed receivers that a triangle covers or may cover, not counting those in "
-        "its plane and those nearer to the light than all of it; over all triangles in file order",
-        "decided in float64": "those that float32 could not decide",
+        "tested after culling": TESTED + "; those in runs that the frame scanned",
+        "decided in float64": "those of them that float32 could not decide",
     }
 
     parameters: IrregularZBufferParameters
 
-    def supports(self, world: World, light: Light) -> str | None:
-        if isinstance(light, RectangularLight):
-            return "an area light has no hard shadow"
-        return None
+    def make_rasterizer(self) -> IrregularRasterizer[StripCounts]:
+        return IrregularStrips(self.context, layout=self.parameters.layout, resolution=self.parameters.resolution)
 
-    def build(self, casters: Casters, light: Light, view: View, changes: Changes, trace: Trace) -> None:
-        self._casters, self._light = casters, light
-        self._transmittances = transmittances_of(casters, self.context.device)
-        if changes.light:
-            self._samples = LightSamples(self.context)
-            self._strips = IrregularStrips(
-                self.context, layout=self.parameters.layout, resolution=self.parameters.resolution
-            )
-
-    def shade(self, receivers: Receivers, visibility: wp.array[Any], trace: Trace) -> None:
-        triangles = self._casters.on(self.context.device)
-        with trace.stage("transformation"):
-            windows = self._samples.place_receivers(receivers, self._light, self._casters.world, visibility)
-        for window in windows:
-            with trace.stage("transformation"):
-                self._strips.transform(window, self._transmittances)
-            with trace.stage("sorting"):
-                self._strips.sort()
-            with trace.stage("rasterization"):
-                counts = self._strips.rasterize(triangles)
-                self._strips.write(visibility)
-            trace.count("runs scanned", counts.runs)
-            trace.count("sampling points tested", counts.tested)
-            trace.count("decided in float64", counts.refined)
-        trace.keep_bytes("windows of the receivers", self._samples.kept_bytes)
-        trace.keep_bytes("cells and lists of triangles", self._strips.kept_bytes)
+    def report(self, rasterizer: IrregularRasterizer[StripCounts], counts: StripCounts, trace: Trace) -> None:
+        trace.count("runs scanned", counts.runs)
+        trace.count("tested after culling", counts.tested)
+        trace.count("decided in float64", counts.refined)

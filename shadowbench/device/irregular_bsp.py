@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
 from shadowbench.device.blocker_bins import BlockerBins, Transmittances, let_light_through
 from shadowbench.device.blockers import Blocker
@@ -38,6 +39,9 @@ from shadowbench.device.sample_scan import (
 )
 from shadowbench.world import DeviceTriangles
 
+CELL_SAMPLES = 256
+"""Most samples in a node that a picture shows (paper, Figure 4)."""
+
 CUT_LEVEL = 6
 """Subtrees below this level are what threads own: 64, as many as a triangle's set of subtrees has bits."""
 
@@ -47,12 +51,14 @@ class BspCounts:
     """What rasterising took.
 
     Attributes:
+        leaves: Of the tree.
         visited: Nodes touched by a triangle, over all triangles.
         culled: Different nodes at which occlusion culling stopped a triangle.
         tested: Samples whose depth was tested against a triangle that covers or may cover them.
         refined: Those that float32 could not decide.
     """
 
+    leaves: int
     visited: int
     culled: int
     tested: int
@@ -70,8 +76,6 @@ class IrregularBsp:
 
     def __init__(self, context: Context, *, leaf_size: int, culling: bool) -> None:
         self.context = context
-        self.leaf_count = 0
-        """Leaves of the tree last built."""
         self._leaf_size, self._culling = leaf_size, culling
         self._bins = BlockerBins(context)
         self._capacity, self._node_capacity, self._translucency = -1, -1, False
@@ -103,7 +107,6 @@ class IrregularBsp:
         while -(-count >> levels) >= self._leaf_size:
             levels += 1
         self._reserve_nodes(levels)
-        self.leaf_count = 1 << levels
         cut = min(levels, CUT_LEVEL)
         tree: Any = Tree()  # its members are Warp's types to a checker, Python's numbers to us
         tree.sample_count, tree.levels, tree.cut = count, levels, cut
@@ -130,6 +133,13 @@ class IrregularBsp:
             launch(join_level, 1 << level, inputs=[1 << level, tree], outputs=[], context=self.context)
         light_fully(self.samples)
 
+    def cells(self) -> NDArray[np.float32]:
+        """Return the bounds of the highest nodes with at most ``CELL_SAMPLES`` samples, shape [n, 4]."""
+        levels = int(self._tree.levels)
+        level = next((k for k in range(levels) if -(-self._window.count >> k) <= CELL_SAMPLES), levels)
+        bounds: NDArray[np.float32] = self._bounds.numpy()[1 << level : 2 << level]
+        return bounds
+
     def rasterize(self, triangles: DeviceTriangles) -> BspCounts:
         """Let triangles shadow the samples.
 
@@ -137,7 +147,7 @@ class IrregularBsp:
             triangles: World-space casters.
         """
         if triangles.triangle_count == 0:
-            return BspCounts(0, 0, 0, 0)
+            return BspCounts(1 << int(self._tree.levels), 0, 0, 0, 0)
         device, regions = self.context.device, 1 << int(self._tree.cut)
         lists, above = self._bins.fill(
             find_subtrees, list_by_subtree, triangles, regions, [self._window.space, self._tree], extra_counts=1
@@ -160,7 +170,7 @@ class IrregularBsp:
         )
         visited, tested, refined = (int(total) for total in counters.numpy().sum(axis=0))
         culled = int(np.count_nonzero(was_culled.numpy()))
-        return BspCounts(visited + int(above[0]), culled, tested, refined)
+        return BspCounts(1 << int(self._tree.levels), visited + int(above[0]), culled, tested, refined)
 
     def write(self, visibility: wp.array[Any]) -> None:
         """Set the visibility of all sampled points, float32, shape [point_count] or [point_count, 3]."""
@@ -184,7 +194,6 @@ class BruteForce:
 
     def __init__(self, context: Context) -> None:
         self.context = context
-        self.leaf_count = 0
         self._capacity, self._translucency = -1, False
 
     @property
@@ -208,6 +217,10 @@ class BruteForce:
         launch(split_records, self._window.count, inputs=[self._records], outputs=[self.samples], context=self.context)
         light_fully(self.samples)
 
+    def cells(self) -> NDArray[np.float32]:
+        """Return no box: there is no structure."""
+        return np.zeros((0, 4), np.float32)
+
     def rasterize(self, triangles: DeviceTriangles) -> BspCounts:
         """Let triangles shadow the samples; no node is visited or culled."""
         device, space = self.context.device, self._window.space
@@ -230,7 +243,7 @@ class BruteForce:
             context=self.context,
         )
         tested, refined = (int(total) for total in counters.numpy().sum(axis=0))
-        return BspCounts(0, 0, tested, refined)
+        return BspCounts(0, 0, 0, tested, refined)
 
     def write(self, visibility: wp.array[Any]) -> None:
         """Set the visibility of all sampled points, float32, shape [point_count] or [point_count, 3]."""

@@ -357,7 +357,7 @@ def prepare_blockers(
     # outputs
     blockers: wp.array[Blocker],
 ):
-    """Prepare every triangle; what is outside the window is farther than every sample."""
+    """Prepare every triangle; what is outside the window covers nothing."""
     t = wp.tid() + first
     a = vertices[indices[3 * t]]
     b = vertices[indices[3 * t + 1]]
@@ -365,7 +365,7 @@ def prepare_blockers(
     blocker = blocker_of(space, a, b, c)
     in_window = meets_window(space, blocker.box, window_point(space, a), window_point(space, b), window_point(space, c))
     if not in_window:
-        blocker.box.nearest = FARTHEST
+        blocker.edge_a = wp.vec3(0.0, 0.0, -1.0)
     blockers[t] = blocker
 
 

@@ -15,6 +15,7 @@ from typing import Any, Literal
 
 import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
 from shadowbench.device.arrays import as_warp
 from shadowbench.device.blocker_bins import BlockerBins, Transmittances, let_light_through
@@ -39,6 +40,10 @@ FINE_ROWS = 1 << 15
 STRIP_ASPECT = 64.0
 """Samples in a strip per number of strips: how wide strips are for their height. Between 48 and 96, with 1024 cells,
 rasterising was fastest at 1 K to 1 M triangles; with more strips, small triangles are listed in several of them."""
+
+
+CELLS_SHOWN = 32
+"""Cells side by side that a picture shows as one."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +102,7 @@ class IrregularStrips:
         self._window = window
         lay_down(window, self._records, self.context)
 
-    def sort(self) -> None:
+    def build(self) -> None:
         """Sort the samples into strips and cells."""
         device, count = self.context.device, self._window.count
         blocks = -(-count // int(SAMPLE_BLOCK))
@@ -138,6 +143,15 @@ class IrregularStrips:
             context=self.context,
         )
         light_fully(self.samples)
+
+    def cells(self) -> NDArray[np.float32]:
+        """Return boxes of ``CELLS_SHOWN`` neighbouring cells each, as high as their strip's samples, shape [n, 4]."""
+        strips = self._strips.numpy()
+        edges = np.arange(0, self._cell_count + CELLS_SHOWN, CELLS_SHOWN).clip(max=self._cell_count)
+        x = strips["first_x"][:, None] + edges / strips["cells_per_unit"][:, None]
+        y = (np.broadcast_to(strips[bound][:, 1, None], x.shape)[:, 1:] for bound in ("low", "high"))
+        low, high = y
+        return np.stack([x[:, :-1], low, x[:, 1:], high], axis=-1).reshape(-1, 4).astype(np.float32)
 
     def rasterize(self, triangles: DeviceTriangles) -> StripCounts:
         """Let triangles shadow the samples.

@@ -11,15 +11,15 @@ from shadowbench.device.blocker_bins import (
     TRIANGLE_BLOCK,
     BlockerLists,
     Transmittances,
-    list_triangle,
     transmittance_of,
 )
-from shadowbench.device.blockers import Blocker, box_of, meets_window
+from shadowbench.device.blockers import Blocker
 from shadowbench.device.exact_decision import shadow_run
 from shadowbench.device.launch import kernel_options
 from shadowbench.device.sample_scan import DOUBTFUL_ROOM, SampleArrays
-from shadowbench.device.sample_sorting import bounds_of, count_by_row, row_of, scatter_by_row, slot, sort_by_cell
-from shadowbench.device.sample_space import SampleSpace, window_point
+from shadowbench.device.sample_sorting import bounds_of, count_by_row, scatter_by_row, slot, sort_by_cell
+from shadowbench.device.sample_space import SampleSpace
+from shadowbench.device.strip_listing import count_strips, list_in_strips, strips_met
 
 wp.set_module_options(kernel_options(native=True))
 
@@ -150,24 +150,12 @@ def find_strips(
     found: wp.array[wp.uint64],
     count: wp.array2d[wp.int32],
 ):
-    """The strips between each triangle's lowest and highest y, packed as (first, end); counted by block and strip."""
+    """The strips that each triangle meets; counted by block and strip."""
     block = wp.tid() + first
-    row_count = strip_of_row.shape[0]
-    begin_t = block * TRIANGLE_BLOCK
-    end_t = wp.min(begin_t + TRIANGLE_BLOCK, indices.shape[0] / 3)
-    for t in range(begin_t, end_t):
-        a = window_point(space, vertices[indices[3 * t]])
-        b = window_point(space, vertices[indices[3 * t + 1]])
-        c = window_point(space, vertices[indices[3 * t + 2]])
-        box = box_of(space, a, b, c)
-        begin = strip_of_row[row_of(box.low[1], row_count)]
-        end = strip_of_row[row_of(box.high[1], row_count)] + 1
-        end = wp.where(meets_window(space, box, a, b, c), end, begin)
-        found[t] = (wp.uint64(end) << wp.uint64(32)) | wp.uint64(begin)
-    # counted apart: how many strips a triangle meets is hard to predict, and would hold up the arithmetic above
-    for t in range(begin_t, end_t):
-        for s in range(wp.int32(found[t] & wp.uint64(0xFFFFFFFF)), wp.int32(found[t] >> wp.uint64(32))):
-            count[block, s] = count[block, s] + 1
+    begin = block * TRIANGLE_BLOCK
+    end = wp.min(begin + TRIANGLE_BLOCK, indices.shape[0] / 3)
+    strips_met(space, strip_of_row, vertices, indices, begin, end, found)
+    count_strips(found, begin, end, count[block])
 
 
 @wp.kernel
@@ -183,13 +171,9 @@ def list_by_strip(
 ):
     """Copy each triangle into the lists of its strips."""
     block = wp.tid() + first
-    for t in range(block * TRIANGLE_BLOCK, wp.min((block + 1) * TRIANGLE_BLOCK, indices.shape[0] / 3)):
-        begin = wp.int32(found[t] & wp.uint64(0xFFFFFFFF))
-        end = wp.int32(found[t] >> wp.uint64(32))
-        for s in range(begin, end):
-            k = cursor[block, s]
-            cursor[block, s] = k + 1
-            list_triangle(lists, k, t, vertices, indices)
+    begin = block * TRIANGLE_BLOCK
+    end = wp.min(begin + TRIANGLE_BLOCK, indices.shape[0] / 3)
+    list_in_strips(found, vertices, indices, begin, end, cursor[block], lists)
 
 
 # --------------------------------------------------------------------------------------------- rasterising

@@ -48,6 +48,6 @@ class PointVisibility:
         triangles = self._casters.on(self._context.device)
         for window in windows:
             self._strips.transform(window, self._transmittances)
-            self._strips.sort()
+            self._strips.build()
             self._strips.rasterize(triangles)
             self._strips.write(visibility)

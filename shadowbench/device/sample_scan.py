@@ -52,8 +52,8 @@ class Scan:
     Attributes:
         next: Where to go on; at or beyond the run's end when it is done.
         doubtful_count: How many doubtful samples were listed.
-        tested_count: Unshadowed samples that the triangle covers or may cover, that do not lie in its plane (its own
-            and its coplanar neighbours' samples do) and that are not nearer to the light than all of it.
+        tested_count: Unshadowed samples that the triangle covers or may cover and that do not lie in its plane (its own
+            and its coplanar neighbours' samples do).
     """
 
     next: wp.int32
@@ -84,7 +84,7 @@ class Scan:
         const lanes x = *(const loaded*)(xs + i), y = *(const loaded*)(ys + i), depth = *(const loaded*)(depths + i);
         const lanes a = ax * x + ay * y + a1, b = bx * x + by * y + b1, c = cx * x + cy * y + c1;
         const lanes inside = __builtin_elementwise_min(a, __builtin_elementwise_min(b, c));
-        mask covered = (inside >= -band) & (depth > blocker.box.nearest);
+        mask covered = (inside >= -band) & (depth > shadowed_depth);
         if (end - i < 16) {
             const mask lane = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
             covered &= lane < end - i;
@@ -94,7 +94,7 @@ class Scan:
         const lanes maybe = across + blocker.plane_maybe[0] * depth + blocker.plane_maybe[1];
         const lanes surely = across + blocker.plane_surely[0] * depth + blocker.plane_surely[1];
         const lanes before = across + blocker.plane_before[0] * depth + blocker.plane_before[1];
-        const mask behind = covered & (maybe > 0.0f);
+        const mask behind = covered & (depth > blocker.box.nearest) & (maybe > 0.0f);
         tested -= behind | (covered & (before < 0.0f));
         const mask shadowed = behind & (inside > band) & (surely > 0.0f);
         if (__builtin_reduce_or(shadowed) != 0) {
@@ -184,14 +184,15 @@ def scan_plainly(
         b = blocker.edge_b[0] * x + blocker.edge_b[1] * y + blocker.edge_b[2]
         c = blocker.edge_c[0] * x + blocker.edge_c[1] * y + blocker.edge_c[2]
         inside = wp.min(a, wp.min(b, c))
-        if inside >= -EDGE_BAND and depth > blocker.box.nearest:
+        if inside >= -EDGE_BAND and depth > SHADOWED:
             across = blocker.plane[0] * x + blocker.plane[1] * y
             maybe = across + blocker.plane_maybe[0] * depth + blocker.plane_maybe[1]
             surely = across + blocker.plane_surely[0] * depth + blocker.plane_surely[1]
             before = across + blocker.plane_before[0] * depth + blocker.plane_before[1]
-            if maybe > 0.0 or before < 0.0:
+            behind = depth > blocker.box.nearest and maybe > 0.0
+            if behind or before < 0.0:
                 found.tested_count += 1
-            if maybe > 0.0:
+            if behind:
                 if inside > EDGE_BAND and surely > 0.0:
                     shadow(samples, i, transmittance)
                 else:

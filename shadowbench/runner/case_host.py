@@ -29,7 +29,7 @@ from shadowbench.light_space import camera_frame
 from shadowbench.method import Changes, Method, Trace, View
 from shadowbench.metrics import measure
 from shadowbench.parameters import parse_parameters
-from shadowbench.pictures import case_pictures
+from shadowbench.pictures import case_pictures, png
 from shadowbench.runner.cache import Cache
 from shadowbench.runner.kernels import load_kernels
 
@@ -170,6 +170,7 @@ class CaseHost:
         drawn = case_pictures(
             self._world, self._light, self._receivers, self._reference, visibility, found.masks | trace.masks
         )
+        drawn |= {f"picture-{name}": png(image) for name, image in trace.pictures.items()}
         files = {}
         for index, (name, content) in enumerate(drawn.items()):
             file = pictures / f"{os.getpid()}-{index}.png"

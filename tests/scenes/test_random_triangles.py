@@ -7,10 +7,12 @@ import hashlib
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from tracing import shaded
 
 from shadowbench.camera_pass import render
 from shadowbench.device.launch import Context
 from shadowbench.errors import ParameterError
+from shadowbench.methods.afsm import AliasFreeShadowMaps
 from shadowbench.parameters import parse_parameters
 from shadowbench.scene import DirectionalLight, PointLight, Scene, SpotLight
 from shadowbench.scenes.random_triangles import GROUND_GAP, TOTAL_AREA, RandomTriangles, random_triangles
@@ -121,10 +123,10 @@ def test_the_lamp_hangs_among_the_triangles_and_the_spot_stands_outside() -> Non
     assert spot.position[1] > high[1]
 
 
-def test_the_ground_casts_and_receives_and_faces_up() -> None:
+def test_the_ground_receives_and_faces_up_and_has_nothing_below_it_to_cast_on() -> None:
     scene = _make(ground=10.0)
     ground = scene.meshes[1]
-    assert all(i.casts and i.receives for i in scene.instances)
+    assert [(i.casts, i.receives) for i in scene.instances] == [(True, True), (False, True)]
     a, b, c = ground.vertices[ground.triangles[0]]
     assert np.cross(b - a, c - a)[1] > 0.0
     assert _areas(ground.vertices[ground.triangles]).sum() == pytest.approx(100.0)
@@ -188,7 +190,16 @@ def _points_tested(triangles: int) -> int:
 
 
 def test_as_many_points_are_tested_for_1000_triangles_as_in_the_paper() -> None:
-    assert _points_tested(1000) == pytest.approx(458_000, rel=0.05)
+    """And the method's counter tells the same number, but for points on the very edge of a triangle."""
+    tested = _points_tested(1000)
+    assert tested == pytest.approx(458_000, rel=0.05)
+    world = place(_make(triangles=1000))
+    receivers = render(world, world.cameras["middle"], 1024, 768, Context())
+    method = AliasFreeShadowMaps(AliasFreeShadowMaps.Parameters(), Context())
+    _, trace = shaded(method, world, world.lights["sun"], receivers)
+    method.explain(receivers, trace)
+    assert trace.counters["sampling points tested"] == pytest.approx(tested, rel=1e-3)
+    assert trace.counters["2D BSP nodes"] == 16_384
 
 
 @pytest.mark.slow

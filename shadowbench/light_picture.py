@@ -1,0 +1,95 @@
+"""Pictures of a light's image plane: where the visible samples lie in it, and the structure built over them.
+
+NumPy and Pillow only, as :mod:`shadowbench.pictures`. A method's ``explain()`` draws them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw
+
+SIDE = 1024
+"""Width and height of the picture of one window [pixels]; six windows are drawn at half that, three side by side."""
+
+POINTS_SHOWN = 12_288
+"""About as many samples are drawn as points: 1 in 64 of 1024x768, as in Aila & Laine 2004, Figure 4."""
+
+FACE_NAMES = ("+x", "-x", "+y", "-y", "+z", "-z")
+
+_PAPER, _LIT, _SHADOWED, _CELL, _FRAME = (255, 255, 255), (214, 137, 0), (24, 66, 130), (176, 176, 176), (90, 90, 90)
+
+
+@dataclass(frozen=True, eq=False)
+class LightPlane:
+    """One window of a light.
+
+    Attributes:
+        number: Of the window; the cube's face where there are six.
+        place: Samples' coordinates in [-1, 1], x to the right and y down, shape [n, 2].
+        pixel: The pixel each of them is seen by, ``row * width + column``, shape [n].
+        is_lit: Whether it is, bool, shape [n].
+        cells: Boxes (low x, low y, high x, high y), shape [m, 4].
+    """
+
+    number: int
+    place: NDArray[np.float32]
+    pixel: NDArray[np.int32]
+    is_lit: NDArray[np.bool_]
+    cells: NDArray[np.float32]
+
+
+def light_space_pictures(planes: Sequence[LightPlane], width: int, structure: str) -> dict[str, NDArray[np.uint8]]:
+    """Return the pictures by name: the samples, lit ones orange and shadowed ones blue, and the structure over them.
+
+    Args:
+        planes: The light's windows that hold samples.
+        width: Of the camera's picture [pixels].
+        structure: What it is called.
+    """
+    if not planes:
+        return {}
+    step = max(1, round(math.sqrt(sum(len(p.place) for p in planes) / POINTS_SHOWN)))
+    return {
+        "samples in light space": _tiled(planes, width, step, with_cells=False),
+        f"{structure} over the samples": _tiled(planes, width, step, with_cells=True),
+    }
+
+
+def _tiled(planes: Sequence[LightPlane], width: int, step: int, *, with_cells: bool) -> NDArray[np.uint8]:
+    if len(planes) == 1 and planes[0].number == 0:
+        return np.asarray(_drawn(planes[0], width, step, SIDE, with_cells=with_cells))
+    side = SIDE // 2
+    sheet = Image.new("RGB", (3 * side, 2 * side), _PAPER)
+    by_number = {plane.number: plane for plane in planes}
+    for number, name in enumerate(FACE_NAMES):
+        corner = (number // 2 * side, number % 2 * side)
+        if number in by_number:
+            sheet.paste(_drawn(by_number[number], width, step, side, with_cells=with_cells), corner)
+        draw = ImageDraw.Draw(sheet)
+        draw.rectangle((*corner, corner[0] + side - 1, corner[1] + side - 1), outline=_FRAME)
+        draw.text((corner[0] + 6, corner[1] + 4), name, fill=_FRAME)
+    return np.asarray(sheet)
+
+
+def _drawn(plane: LightPlane, width: int, step: int, side: int, *, with_cells: bool) -> Image.Image:
+    image = Image.new("RGB", (side, side), _PAPER)
+    if with_cells:
+        draw = ImageDraw.Draw(image)
+        for box in np.clip((plane.cells.astype(np.float64) + 1.0) * (0.5 * side), 0.0, side - 1.0).round().astype(int):
+            draw.rectangle(tuple(int(edge) for edge in box), outline=_CELL)
+    pixels = np.array(image)
+    # every step-th pixel of every step-th row: an even share of the picture, whatever the structure's order
+    row, column = np.divmod(plane.pixel, width)
+    shown = (row % step == step // 2) & (column % step == step // 2)
+    at = ((plane.place[shown].astype(np.float64) + 1.0) * (0.5 * side)).astype(int)
+    colours = np.where(plane.is_lit[shown, None], np.array(_LIT), np.array(_SHADOWED)).astype(np.uint8)
+    for down in (0, 1):
+        for right in (0, 1):
+            x, y = (np.clip(at[:, axis] + moved, 0, side - 1) for axis, moved in ((0, right), (1, down)))
+            pixels[y, x] = colours
+    return Image.fromarray(pixels)

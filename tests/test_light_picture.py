@@ -1,0 +1,53 @@
+"""Pictures of the light's image plane: points where the samples are, boxes where the cells are."""
+
+import numpy as np
+
+from shadowbench.light_picture import SIDE, LightPlane, light_space_pictures
+
+ORANGE, BLUE, GREY = (214, 137, 0), (24, 66, 130), (176, 176, 176)
+
+
+def plane(places, is_lit, number=0, cells=()):
+    places = np.array(places, np.float32)
+    boxes = np.array(cells, np.float32).reshape(-1, 4)
+    return LightPlane(number, places, np.arange(len(places), dtype=np.int32), np.array(is_lit), boxes)
+
+
+def found(picture, colour):
+    rows, columns = np.nonzero((picture == colour).all(axis=-1))
+    return rows, columns
+
+
+def test_a_sample_is_drawn_where_it_lies_in_the_colour_of_its_light():
+    pictures = light_space_pictures([plane([(0.5, -0.5), (-0.75, 0.25)], [True, False])], 2, "BSP")
+    rows, columns = found(pictures["samples in light space"], ORANGE)
+    assert (rows.min(), columns.min()) == (SIDE // 4, 3 * SIDE // 4)
+    rows, columns = found(pictures["samples in light space"], BLUE)
+    assert (rows.min(), columns.min()) == (5 * SIDE // 8, SIDE // 8)
+
+
+def test_cells_are_outlined_in_the_second_picture_only():
+    pictures = light_space_pictures([plane([(0.0, 0.0)], [True], cells=[(-0.5, -0.5, 0.5, 0.0)])], 1, "cells")
+    assert list(pictures) == ["samples in light space", "cells over the samples"]
+    assert len(found(pictures["samples in light space"], GREY)[0]) == 0
+    rows, columns = found(pictures["cells over the samples"], GREY)
+    assert (rows.min(), rows.max()) == (SIDE // 4, SIDE // 2)
+    assert (columns.min(), columns.max()) == (SIDE // 4, 3 * SIDE // 4)
+
+
+def test_of_many_samples_an_even_share_is_drawn():
+    count = 1024 * 768
+    rng = np.random.default_rng(1)
+    many = plane(rng.uniform(-0.99, 0.99, (count, 2)), np.ones(count, bool))
+    picture = light_space_pictures([many], 1024, "BSP")["samples in light space"]
+    drawn = len(found(picture, ORANGE)[0]) / 4.0  # four pixels each
+    assert 0.85 * count / 64 < drawn <= count / 64
+
+
+def test_six_windows_stand_side_by_side_and_no_samples_give_no_picture():
+    pictures = light_space_pictures([plane([(0.0, 0.0)], [True], number=3)], 1, "BSP")
+    picture = pictures["samples in light space"]
+    assert picture.shape == (SIDE, 3 * SIDE // 2, 3)
+    rows, columns = found(picture, ORANGE)
+    assert (rows.min(), columns.min()) == (SIDE // 2 + SIDE // 4, SIDE // 2 + SIDE // 4)
+    assert light_space_pictures([], 1, "BSP") == {}
