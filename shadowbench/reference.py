@@ -8,6 +8,9 @@ The truth is asked of the *surface point itself*, with no offset (``self_hit`` =
    vertices included), lies between the point and the light, and has its plane farther from the point than
    delta = 16 ulp of the scene's largest coordinate (2^-23 each).
 
+A translucent caster dims instead: the light is multiplied by its transmittance, channel by channel, once for each sheet
+that the ray crosses (an edge or vertex between triangles of a sheet counts once).
+
 Outside a spot light's cone nothing is lit, and nothing nearer to a light than its near plane casts.
 
 All of it is decided in float64 on the float32 positions, by functions that exact methods share
@@ -27,6 +30,7 @@ Limits: two sheets closer than delta do not shadow each other; a scene far from 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -34,10 +38,12 @@ from numpy.typing import NDArray
 
 from shadowbench.device.arrays import as_warp
 from shadowbench.device.launch import Context, launch, synchronize
-from shadowbench.device.rays import find_nearest_blockers
+from shadowbench.device.point_visibility import PointVisibility
+from shadowbench.device.rays import find_nearest_blockers, find_turned_away
+from shadowbench.device.translucency import trace_through
 from shadowbench.device.triangle_tree import TriangleTree
-from shadowbench.device.visibility import light_point, plane_tolerance
-from shadowbench.errors import SceneError
+from shadowbench.device.visibility import LightPoint, light_point, plane_tolerance
+from shadowbench.errors import ShadowbenchError
 from shadowbench.light_space import is_in_field_of_view
 from shadowbench.receivers import Receivers
 from shadowbench.scene import Light
@@ -46,13 +52,22 @@ from shadowbench.world import Casters, World
 SELF_HIT = "plane"
 """The rule of this module, as the row's ``self_hit`` column names it."""
 
+MANY = 1 << 22
+"""From so many receivers on, visibility is rasterised at their places in light space, so many at a time, which gives
+the same bits sooner (:mod:`shadowbench.device.point_visibility`)."""
+
+CHECKED = 64
+"""Of many lit receivers, one in so many is traced as well: the check of the rasteriser. Shadowed ones all are, since
+only rays know their blockers."""
+
 
 @dataclass(frozen=True, eq=False)
 class Reference:
     """Hard ground truth of a picture and a light.
 
     Attributes:
-        visibility: 1 lit, 0 shadowed (also outside the light's field of view), float32, shape [n].
+        visibility: 1 lit, 0 shadowed (also outside the light's field of view), float32, shape [n]; where casters are
+            translucent, the product of the transmittances of all crossings by channel, shape [n, 3].
         turned_away: Whether the receiver's own plane hides it (step 2), bool, shape [n].
         in_field: Whether the light reaches the receiver at all (:func:`shadowbench.light_space.is_in_field_of_view`),
             bool, shape [n].
@@ -79,49 +94,125 @@ def hard_reference(world: World, receivers: Receivers, light: Light, context: Co
         context: Where to run.
 
     Raises:
-        SceneError: The light has an area, or a caster is translucent: neither has a hard shadow.
+        SceneError: The light has an area, so there is no hard shadow.
     """
     casters = world.casters
-    if not casters.is_opaque:
-        raise SceneError("the hard reference needs opaque casters, but an instance has a transmittance above 0")
     packed_light = light_point(light)
     tree = TriangleTree(casters.triangle_count, context)
     tree.build(casters)
-
-    device, count = context.device, receivers.count
     in_field = is_in_field_of_view(light, receivers.position)
-    on_device, triangles = receivers.on(device), world.on(device)
-    turned_away = wp.empty(count, dtype=wp.uint8, device=device)
-    blocker = wp.empty(count, dtype=wp.int32, device=device)
-    distance = wp.empty(count, dtype=wp.float32, device=device)
+    is_away = in_field & _turned_away(world, receivers, packed_light, context)
+    asked = in_field & ~is_away
+    if receivers.count < MANY:
+        nearest, distance = _nearest_blockers(tree, casters, packed_light, receivers, asked, context)
+        visibility = (asked & (nearest < 0)).astype(np.float32)
+        if not casters.is_opaque:
+            visibility = _light_through(tree, casters, light, receivers, asked, context)
+    else:
+        visibility = _rasterized(casters, light, receivers, asked, context)
+        # rays know blockers, so the shadowed receivers are traced; and some of the lit ones, to check the rasteriser
+        is_dimmed: NDArray[np.bool_] = np.any(visibility.reshape(receivers.count, -1) < 1.0, axis=1)
+        is_sample = asked & (np.arange(receivers.count) % CHECKED == 0)
+        traced = asked & (is_dimmed | is_sample)
+        nearest, distance = _nearest_blockers(tree, casters, packed_light, receivers, traced, context)
+        if casters.is_opaque:
+            _must_agree(is_dimmed[traced], nearest[traced] >= 0)
+        else:
+            through = _light_through(tree, casters, light, receivers, is_sample, context)
+            _must_agree(visibility[is_sample], through[is_sample])
+    blocker = _in_world(casters, nearest)
+    return Reference(
+        visibility=visibility,
+        turned_away=is_away,
+        in_field=in_field,
+        blocker=np.where(is_away, receivers.triangle, blocker),
+        blocker_distance=np.where(is_away, np.float32(0.0), distance),
+    )
+
+
+def _turned_away(world: World, receivers: Receivers, light: LightPoint, context: Context) -> NDArray[np.bool_]:
+    on_device, triangles = receivers.on(context.device), world.on(context.device)
+    turned_away = wp.empty(receivers.count, dtype=wp.uint8, device=context.device)
+    eye = wp.vec3d(*receivers.eye)
+    inputs = [light, eye, triangles.vertices, triangles.triangles, on_device.triangle]
+    launch(find_turned_away, receivers.count, inputs=inputs, outputs=[turned_away], context=context)
+    synchronize(context)
+    found: NDArray[np.bool_] = turned_away.numpy().astype(bool)
+    return found
+
+
+def _nearest_blockers(
+    tree: TriangleTree,
+    casters: Casters,
+    light: LightPoint,
+    receivers: Receivers,
+    asked: NDArray[np.bool_],
+    context: Context,
+) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+    """Return the caster triangle (-1 for none) that hides each receiver first, and its distance (infinite)."""
+    blocker = wp.empty(receivers.count, dtype=wp.int32, device=context.device)
+    distance = wp.empty(receivers.count, dtype=wp.float32, device=context.device)
     launch(
         find_nearest_blockers,
-        count,
+        receivers.count,
         inputs=[
             tree.packed(),
-            packed_light,
-            wp.vec3d(*receivers.eye),
+            light,
             plane_tolerance(casters.scale),
-            triangles.vertices,
-            triangles.triangles,
-            as_warp(in_field.view(np.uint8), wp.uint8, device),
-            on_device.position,
-            on_device.triangle,
+            as_warp(asked.view(np.uint8), wp.uint8, context.device),
+            receivers.on(context.device).position,
         ],
-        outputs=[turned_away, blocker, distance],
+        outputs=[blocker, distance],
         context=context,
     )
     synchronize(context)
+    return blocker.numpy(), distance.numpy()
 
-    is_away = turned_away.numpy().astype(bool)
-    nearest = np.where(is_away, receivers.triangle, _in_world(casters, blocker.numpy()))
-    return Reference(
-        visibility=(in_field & (nearest < 0)).astype(np.float32),
-        turned_away=is_away,
-        in_field=in_field,
-        blocker=nearest,
-        blocker_distance=np.where(is_away, np.float32(0.0), distance.numpy()),
+
+def _light_through(
+    tree: TriangleTree,
+    casters: Casters,
+    light: Light,
+    receivers: Receivers,
+    asked: NDArray[np.bool_],
+    context: Context,
+) -> NDArray[np.float32]:
+    """Return what translucent casters let through by channel, shape [n, 3], by rays."""
+    visibility = wp.empty((receivers.count, 3), dtype=wp.float32, device=context.device)
+    trace_through(
+        tree,
+        casters,
+        light,
+        asked=as_warp(asked.view(np.uint8), wp.uint8, context.device),
+        position=receivers.on(context.device).position,
+        visibility=visibility,
+        context=context,
     )
+    synchronize(context)
+    through: NDArray[np.float32] = visibility.numpy()
+    return through
+
+
+def _rasterized(
+    casters: Casters, light: Light, receivers: Receivers, asked: NDArray[np.bool_], context: Context
+) -> NDArray[np.float32]:
+    """Return the visibility of many receivers, shape [n], or [n, 3] through translucent casters, by rasterising."""
+    engine = PointVisibility(casters, light, context)
+    visibility = np.empty((receivers.count,) if casters.is_opaque else (receivers.count, 3), np.float32)
+    position = receivers.on(context.device).position
+    for begin in range(0, receivers.count, MANY):
+        block = slice(begin, min(begin + MANY, receivers.count))
+        found = wp.empty(visibility[block].shape, dtype=wp.float32, device=context.device)
+        engine.ask(position[block], found)
+        visibility[block] = found.numpy()
+    visibility[~asked] = 0.0
+    return visibility
+
+
+def _must_agree(rasterized: NDArray[Any], traced: NDArray[Any]) -> None:
+    if not np.array_equal(rasterized, traced):
+        wrong = int(np.count_nonzero(np.any((rasterized != traced).reshape(len(traced), -1), axis=1)))
+        raise ShadowbenchError(f"bug: the rasteriser and rays disagree at {wrong} of {len(traced)} receivers")
 
 
 def _in_world(casters: Casters, triangles: NDArray[np.int32]) -> NDArray[np.int32]:

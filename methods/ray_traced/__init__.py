@@ -13,6 +13,8 @@ Two rules (``self_hit``):
   the camera sees the other one (receivers turned away are scored apart). The float32 rays are the ones that the peer
   ``embree`` traces.
 
+Through translucent casters a ray of ``plane`` goes on, dimmed by each crossing, channel by channel.
+
 Limits: no filtering, so shadow edges alias in the picture as every hard test does. Cost: building sorts the triangles
 once along a space-filling curve (:mod:`shadowbench.device.triangle_tree`) and is skipped when only the light moved;
 shading grows with the logarithm of the triangle count.
@@ -28,7 +30,8 @@ from numpy.typing import NDArray
 
 from shadowbench.device.arrays import as_warp
 from shadowbench.device.launch import launch
-from shadowbench.device.rays import OffsetRays
+from shadowbench.device.rays import OffsetRays, find_turned_away
+from shadowbench.device.translucency import trace_through
 from shadowbench.device.triangle_tree import TriangleTree
 from shadowbench.device.triangle_tree_kernels import Tree
 from shadowbench.device.visibility import light_point, plane_tolerance
@@ -73,8 +76,8 @@ class RayTraced(Method):
     def supports(self, world: World, light: Light) -> str | None:
         if isinstance(light, RectangularLight):
             return "an area light needs many rays a receiver"
-        if not world.casters.is_opaque:
-            return "a ray is either blocked or not: opaque casters only"
+        if not world.casters.is_opaque and self.parameters.self_hit == "offset":
+            return "an offset ray is either blocked or not: opaque casters only (self_hit=plane counts crossings)"
         return None
 
     def self_hit_rule(self) -> str:
@@ -98,11 +101,12 @@ class RayTraced(Method):
         assert self._tree is not None, "build() comes before shade()"
         with trace.stage("field of view"):
             asked = receivers.valid & is_in_field_of_view(self._light, receivers.position)
-        tree = self._tree.packed()
-        if self.parameters.self_hit == "plane":
-            self._trace_from_surface(tree, receivers, asked, visibility, trace)
+        if not self._casters.is_opaque:
+            self._trace_through(receivers, asked, visibility, trace)
+        elif self.parameters.self_hit == "plane":
+            self._trace_from_surface(self._tree.packed(), receivers, asked, visibility, trace)
         else:
-            self._trace_from_offset(tree, receivers, asked, visibility, trace)
+            self._trace_from_offset(self._tree.packed(), receivers, asked, visibility, trace)
         trace.count("rays", int(np.count_nonzero(asked)))
 
     def _trace_from_surface(
@@ -126,6 +130,28 @@ class RayTraced(Method):
                     on_device.triangle,
                 ],
                 outputs=[visibility],
+                context=self.context,
+            )
+
+    def _trace_through(
+        self, receivers: Receivers, asked: NDArray[np.bool_], visibility: wp.array[Any], trace: Trace
+    ) -> None:
+        assert self._tree is not None
+        device = self.context.device
+        on_device, triangles = receivers.on(device), self._casters.world.on(device)
+        turned_away = wp.empty(receivers.count, dtype=wp.uint8, device=device)
+        with trace.stage("shadow rays"):
+            eye = wp.vec3d(*receivers.eye)
+            inputs = [light_point(self._light), eye, triangles.vertices, triangles.triangles, on_device.triangle]
+            launch(find_turned_away, receivers.count, inputs=inputs, outputs=[turned_away], context=self.context)
+            facing = asked & ~turned_away.numpy().astype(bool)
+            trace_through(
+                self._tree,
+                self._casters,
+                self._light,
+                asked=as_warp(facing.view(np.uint8), wp.uint8, device),
+                position=on_device.position,
+                visibility=visibility,
                 context=self.context,
             )
 

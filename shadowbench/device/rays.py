@@ -319,38 +319,46 @@ def surface_ray(light: LightPoint, position: wp.vec3, tolerance: wp.float64):
 
 
 @wp.kernel
+def find_turned_away(
+    first: wp.int32,
+    # inputs
+    light: LightPoint,
+    eye: wp.vec3d,
+    vertices: wp.array[wp.vec3],
+    indices: wp.array[wp.int32],
+    triangle: wp.array[wp.int32],
+    # outputs
+    turned_away: wp.array[wp.uint8],
+):
+    """Whether each point's own triangle hides it from the light."""
+    i = wp.tid() + first
+    own = 3 * triangle[i]
+    is_away = is_turned_away(vertices[indices[own]], vertices[indices[own + 1]], vertices[indices[own + 2]], eye, light)
+    turned_away[i] = wp.where(is_away, wp.uint8(1), wp.uint8(0))
+
+
+@wp.kernel
 def find_nearest_blockers(
     first: wp.int32,
     # inputs
     tree: Tree,
     light: LightPoint,
-    eye: wp.vec3d,
     tolerance: wp.float64,
-    vertices: wp.array[wp.vec3],
-    indices: wp.array[wp.int32],
     asked: wp.array[wp.uint8],
     position: wp.array[wp.vec3],
-    triangle: wp.array[wp.int32],
     # outputs
-    turned_away: wp.array[wp.uint8],
     blocker: wp.array[wp.int32],
     distance: wp.array[wp.float32],
 ):
-    """Which caster triangle hides each asked point first: -1 for none, and for points turned away from the light."""
+    """Which caster triangle hides each asked point first; -1 for none, and for points not asked."""
     i = wp.tid() + first
-    turned_away[i] = wp.uint8(0)
     blocker[i] = -1
     distance[i] = wp.inf
-    if asked[i] == wp.uint8(0):
-        return
-    own = 3 * triangle[i]
-    if is_turned_away(vertices[indices[own]], vertices[indices[own + 1]], vertices[indices[own + 2]], eye, light):
-        turned_away[i] = wp.uint8(1)
-        return
-    ray = surface_ray(light, position[i], tolerance)
-    found, t = nearest_blocker(tree, ray)
-    blocker[i] = found
-    distance[i] = wp.float32(t * wp.length(ray.towards))
+    if asked[i] != wp.uint8(0):
+        ray = surface_ray(light, position[i], tolerance)
+        found, t = nearest_blocker(tree, ray)
+        blocker[i] = found
+        distance[i] = wp.float32(t * wp.length(ray.towards))
 
 
 @wp.kernel

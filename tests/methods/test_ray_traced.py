@@ -129,7 +129,9 @@ def test_it_says_what_it_cannot_do():
     world = world_of(square(1.0), lights={"panel": panel})
     assert "area light" in (exact().supports(world, panel) or "")
     glass = world_of(square(1.0), lights=LIGHTS, transmittance=(0.5, 0.5, 0.5))
-    assert "opaque" in (exact().supports(glass, glass.lights["point"]) or "")
+    assert exact().supports(glass, glass.lights["point"]) is None
+    offset = RayTraced(RayTraced.Parameters(self_hit="offset"), Context())
+    assert "opaque" in (offset.supports(glass, glass.lights["point"]) or "")
     assert exact().supports(world_of(square(1.0), lights=LIGHTS), LIGHTS["spot"]) is None
 
 

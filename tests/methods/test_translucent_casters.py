@@ -1,4 +1,4 @@
-"""Translucent casters under the exact rasterising methods: each crossing dims by its caster's transmittance, and counts
+"""Translucent casters under the exact methods: each crossing dims by its caster's transmittance, and counts
 once, also where triangles share an edge or a vertex."""
 
 from __future__ import annotations
@@ -15,6 +15,8 @@ from tracing import shaded
 from shadowbench.device.launch import Context
 from shadowbench.methods.afsm import AliasFreeShadowMaps
 from shadowbench.methods.irregular_z_buffer import IrregularZBuffer
+from shadowbench.methods.ray_traced import RayTraced
+from shadowbench.reference import hard_reference
 from shadowbench.scene import Camera, DirectionalLight, Instance, Mesh, PointLight, Scene
 from shadowbench.world import place
 
@@ -24,6 +26,7 @@ METHODS = {
         AliasFreeShadowMaps.Parameters(traversal="brute-force"), Context(threads=threads)
     ),
     "irregular-z-buffer": lambda threads=1: IrregularZBuffer(IrregularZBuffer.Parameters(), Context(threads=threads)),
+    "ray-traced": lambda threads=1: RayTraced(RayTraced.Parameters(), Context(threads=threads)),
 }
 AMBER = (0.8, 0.5, 0.25)
 HALF = (0.5, 0.5, 0.5)
@@ -74,11 +77,12 @@ def test_visibility_is_the_product_of_what_the_crossed_triangles_let_through(met
 
 
 @pytest.mark.parametrize("light", LIGHTS)
-def test_all_methods_agree_to_the_bit(light):
+def test_all_methods_agree_with_the_ground_truth_to_the_bit(light):
     world, receivers = mixed_soups()
-    results = [shaded_in_colour(m(), world, world.lights[light], receivers)[0] for m in METHODS.values()]
-    np.testing.assert_array_equal(results[0], results[1])
-    np.testing.assert_array_equal(results[0], results[2])
+    truth = hard_reference(world, receivers, world.lights[light], Context())
+    for method in METHODS.values():
+        result, _ = shaded_in_colour(method(), world, world.lights[light], receivers)
+        np.testing.assert_array_equal(result, truth.visibility)
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -203,3 +207,29 @@ def test_one_object_shades_opaque_and_translucent_frames_in_turn():
         again, _ = shaded_in_colour(shader, world, light, receivers)
         anew, _ = shaded_in_colour(METHODS["irregular-z-buffer"](), world, light, receivers)
         np.testing.assert_array_equal(again, anew)
+
+
+def test_many_neighbouring_instances_of_different_glass_multiply_in_the_order_of_the_file():
+    """More colours than rays are counted by at a time, in float32 whose products depend on their order."""
+    rng = np.random.default_rng(14)
+    panes = [(square(2.0, 0.1 + 0.01 * k), tuple(rng.uniform(0.6, 1.0, 3))) for k in range(40)]
+    world = scene_of((square(4.0), NOTHING), *panes)
+    receivers = on_ground(scene_of((square(8.0), NOTHING)), dyadic_lattice(0.5, 0.25))
+    light = world.lights["overhead"]
+    truth = hard_reference(world, receivers, light, Context()).visibility
+    product = np.ones(3, np.float32)
+    for _, transmittance in panes:
+        product *= np.array(transmittance, np.float32)
+    np.testing.assert_array_equal(truth, np.tile(product, (receivers.count, 1)))
+    for method in METHODS.values():
+        np.testing.assert_array_equal(shaded_in_colour(method(), world, light, receivers)[0], truth)
+
+
+def test_a_surface_turned_away_is_dark_however_clear_it_is():
+    world = scene_of((square(1.0), (0.9, 0.9, 0.9)), lights={"below": DirectionalLight((0.0, -1.0, 0.0))})
+    receivers = on_square(world)
+    truth = hard_reference(world, receivers, world.lights["below"], Context())
+    assert truth.turned_away.all()
+    assert not truth.visibility.any()
+    for method in METHODS.values():
+        assert not shaded_in_colour(method(), world, world.lights["below"], receivers)[0].any()
