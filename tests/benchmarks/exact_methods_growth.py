@@ -4,7 +4,7 @@
 
 Random triangles, sun, view ``middle``. Over 1 K to 4 M triangles of the same total area the stage *rasterization* is
 fitted, at 1024x768; over 0.25 to 8 M receivers build() + shade(), at 100 K triangles. The exponent is the slope: 1 is
-proportional. The alias-free paper's own table gives 0.58 for rasterization over 1 K to 1 M. Last, 100 K triangles of
+proportional. The alias-free paper's own table gives 0.59 for rasterization over 1 K to 1 M. Last, 100 K triangles of
 growing total area: the paper says that larger triangles of the same count are faster, since they hide more.
 """
 
