@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from shadowbench.scene import (
     Scene,
     SpotLight,
     Vector,
+    cosine_sine,
 )
 
 CAMERA = Camera((0.0, 1.0, 5.0), (0.0, 0.0, 0.0))
@@ -84,6 +86,40 @@ def test_rotations_turn_by_their_angle_about_their_axis(axis: Vector, angle: flo
     np.testing.assert_allclose(matrix @ axis, axis, atol=1e-11)
     assert np.linalg.det(matrix) == pytest.approx(1.0)
     assert np.trace(matrix) == pytest.approx(1.0 + 2.0 * math.cos(math.radians(angle)), abs=1e-11)
+
+
+def test_cosines_and_sines_are_within_a_bit_of_the_truth() -> None:
+    """The truth: the library's, of the angle reduced to an eighth of a turn in fractions."""
+    degrees = [
+        -1234.5,
+        -90.000001,
+        -45.0,
+        -1e-9,
+        0.0,
+        1e-300,
+        12.5,
+        44.999999,
+        45.0,
+        45.000001,
+        89.75,
+        135.0,
+        359.0,
+        1e6,
+    ]
+    cosines, sines = cosine_sine(np.array(degrees))
+    for angle, cosine, sine in zip(degrees, cosines, sines, strict=True):
+        turn = Fraction(angle) % 360
+        eighths = round(turn / 90)
+        rest = math.radians(float(turn - 90 * eighths))
+        c, s = math.cos(rest), math.sin(rest)
+        expected = [(c, s), (-s, c), (-c, -s), (s, -c)][eighths % 4]
+        assert (cosine, sine) == pytest.approx(expected, rel=2.0**-51, abs=2.0**-52)
+
+
+def test_an_array_of_angles_gives_the_same_bits_as_one_at_a_time() -> None:
+    degrees = np.linspace(-400.0, 400.0, 1003)
+    together = np.stack(cosine_sine(degrees))
+    assert (together == np.array([cosine_sine(float(d)) for d in degrees]).T).all()
 
 
 def test_an_instance_scales_then_rotates_then_translates() -> None:
