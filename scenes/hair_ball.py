@@ -28,6 +28,7 @@ from shadowbench.scene import (
     Vector,
 )
 
+from .tubes import tube_triangles
 from .uniform_draws import Array, Axis, UniformDraws, rotated_axes
 
 SIDES = 3
@@ -98,7 +99,8 @@ class HairBall(ScenePlugin):
         meshes, instances = [], []
         for group in range(group_count):
             strands = vertices[group::group_count]
-            meshes.append(Mesh(f"hairs {group + 1}", strands.reshape(-1, 3), tube_triangles(*strands.shape[:2])))
+            triangles = tube_triangles(strands.shape[0], strands.shape[1], SIDES)
+            meshes.append(Mesh(f"hairs {group + 1}", strands.reshape(-1, 3), triangles))
             tint, albedo = TINTS[group]
             instances.append(Instance(group, transmittance=_tinted(1.0 - parameters.opacity, tint), albedo=albedo))
         corners = [(-6.0, 0.0, -6.0), (6.0, 0.0, -6.0), (6.0, 0.0, 6.0), (-6.0, 0.0, 6.0)]
@@ -175,13 +177,3 @@ def _dot(a: Axis, b: Axis) -> Array:
 
 def _cross(a: Axis, b: Axis) -> Axis:
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
-
-
-def tube_triangles(hair_count: int, ring_count: int) -> NDArray[np.int32]:
-    """Return the triangles of open tubes, int32, shape [6 · hair_count · (ring_count - 1), 3], facing out."""
-    side = np.arange(SIDES)
-    here, beside = side, (side + 1) % SIDES
-    ahead, ahead_beside = here + SIDES, beside + SIDES
-    band = np.stack([here, beside, ahead_beside, here, ahead_beside, ahead], axis=1).reshape(2 * SIDES, 3)
-    first = SIDES * (ring_count * np.arange(hair_count)[:, None] + np.arange(ring_count - 1))
-    return (first[:, :, None, None] + band).reshape(-1, 3).astype(np.int32)

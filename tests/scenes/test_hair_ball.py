@@ -13,7 +13,8 @@ from shadowbench.device.launch import Context
 from shadowbench.errors import ParameterError
 from shadowbench.parameters import parse_parameters
 from shadowbench.scene import PointLight, Scene
-from shadowbench.scenes.hair_ball import CENTRE, HAIR_LENGTH, HairBall, hair_tubes, tube_triangles
+from shadowbench.scenes.hair_ball import CENTRE, HAIR_LENGTH, SIDES, HairBall, hair_tubes
+from shadowbench.scenes.tubes import tube_triangles
 from shadowbench.world import place
 
 
@@ -93,7 +94,7 @@ def test_hairs_are_tubes_that_taper_from_root_to_tip() -> None:
 
 def test_tubes_face_out_and_are_closed_along_their_length() -> None:
     hairs, rings = 4, 25
-    triangles = tube_triangles(hairs, rings)
+    triangles = tube_triangles(hairs, rings, SIDES)
     tubes = hair_tubes(hairs, rings - 1, 0.001, 5).astype(np.float64)
     corners = tubes.reshape(-1, 3)[triangles]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
