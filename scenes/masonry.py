@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from shadowbench.scene import Vector
@@ -36,7 +38,8 @@ def paving(
     for course in range(courses):
         first = x[0] + (size[0] if course % 2 else size[0] / 2.0)
         # no sliver at the end: the last cut leaves at least a quarter of a stone
-        edges = [x[0], *np.arange(first, x[1] - size[0] / 4.0, size[0]).tolist(), x[1]]
+        cuts = math.ceil((x[1] - size[0] / 4.0 - first) / size[0])
+        edges = [x[0], *(first + size[0] * np.arange(cuts)).tolist(), x[1]]
         kinds = (3.0 * draw.unit_interval(len(edges) - 1)).astype(np.int64)
         for left, right, kind in zip(edges[:-1], edges[1:], kinds, strict=True):
             stones[kind].append((left, right, z[0] + course * depth))

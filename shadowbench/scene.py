@@ -78,10 +78,12 @@ class Rotation:
 
     def matrix(self) -> NDArray[np.float64]:
         """Return the 3x3 rotation matrix (Rodrigues)."""
-        length = math.sqrt(sum(a * a for a in self.axis))
+        x, y, z = self.axis
+        # written out: from Python 3.12 on, sum() carries along what rounding loses
+        length = math.sqrt(x * x + y * y + z * z)
         if not length > 0.0:
             raise SceneError(f"a rotation's axis must not be zero: {self.axis}")
-        x, y, z = (a / length for a in self.axis)
+        x, y, z = x / length, y / length, z / length
         cosine, sine = cosine_sine(self.angle)
         k = 1.0 - cosine
         return np.array(
