@@ -49,7 +49,7 @@ LIGHTS: dict[str, Light] = {
 """The lamp hangs over the patio's edge, lower than the eaves and within everything's bounds."""
 
 CAMERAS = {
-    "overview": Camera(eye=(9.6, 6.9, 13.8), target=(0.45, 0.55, -3.2), vertical_angle=40.0),
+    "overview": Camera(eye=(9.6, 6.9, 13.8), target=(0.7, 0.55, -3.2), vertical_angle=40.0),
     "contact": Camera(eye=(0.3, 1.75, -2.1), target=(-2.3, 0.35, -5.9), vertical_angle=36.0),
     "layers": Camera(eye=(-3.0, 3.9, 1.0), target=(-5.6, 1.0, -4.6), vertical_angle=38.0),
     "grazing": Camera(eye=(-9.2, 0.7, 10.7), target=(-9.0, 0.2, 4.0), vertical_angle=38.0),
@@ -154,14 +154,14 @@ def _furnish(setting: Setting) -> None:
     setting.add("parasol pole", furniture.parasol_pole(2.4), (0.85, 0.83, 0.80), (1.7, 0.0, 4.2, 0.0))
     setting.add("parasol", furniture.parasol_cloth(2.4), (0.80, 0.30, 0.22), (1.7, 0.0, 4.2, 0.0))
     setting.add("side table", furniture.table(0.5, 0.5, 0.45, 5), WOODS[0], (2.05, 0.0, 3.25, 40.0))
-    setting.add("kennel", furniture.kennel(), (0.55, 0.33, 0.24), (9.0, 0.0, -7.4, -60.0))
+    setting.add("kennel", furniture.kennel(), (0.55, 0.33, 0.24), (9.4, 0.0, -4.6, -60.0))
     setting.add("ball", sphere(0.16, 32, 16), (0.85, 0.55, 0.15), (4.3, 0.16, 0.4, 0.0))
     setting.add("raised bed", furniture.raised_bed(2.6, 1.2, 0.28), WOODS[1], BED)
     setting.add("earth", furniture.earth(2.6, 1.2, 0.24), (0.30, 0.22, 0.16), BED)
     crates: list[Place] = [(-1.62, floor, -6.1, 3.0), (-1.6, floor + 0.36, -6.12, -9.0), (-2.25, floor, -6.16, 0.0)]
     setting.add("crate", furniture.crate(0.5, 0.36, 0.42), WOODS, *crates)
     setting.add("watering can", furniture.watering_can(), (0.45, 0.55, 0.60), (-1.75, floor, -5.05, 215.0))
-    setting.add("ladder", furniture.ladder(2.6, 0.8), WOODS[0], (2.85, 0.0, -6.95, 30.0))
+    setting.add("ladder", furniture.ladder(2.6, 0.8), WOODS[0], (3.25, 0.0, -6.95, 30.0))
     broom = [bars((-3.05, floor, -6.12), (-2.98, 1.5, -6.485), 0.026, 0.026, up=(0.0, 0.0, 1.0))]
     broom.append(boxes((-3.2, floor, -6.16), (-2.9, floor + 0.1, -6.08)))
     setting.add("broom", joined(broom), (0.70, 0.55, 0.32))
@@ -194,7 +194,7 @@ def _hang_washing(setting: Setting) -> None:
 def _fence_in(setting: Setting) -> None:
     """Fence the yard in: behind, on the right and on the left."""
     panel = furniture.picket_fence(2.4, 1.25, 0.13)
-    behind: list[Place] = [(-1.0 + 2.4 * k, 0.0, -11.6, 0.0) for k in range(5)]
+    behind: list[Place] = [(-0.95 + 2.4 * k, 0.0, -11.6, 0.0) for k in range(5)]
     right: list[Place] = [(11.0, 0.0, -11.6 + 2.4 * k, -90.0) for k in range(9)]
     left: list[Place] = [(-10.4, 0.0, -6.4 + 2.4 * (k + 1), 90.0) for k in range(7)]
     setting.add("fence", panel, PICKET_ALBEDO, *behind, *right, *left)
@@ -236,7 +236,7 @@ BUSHES = (
 SALADS = tuple(Bush(-1.04 + 0.52 * i, 0.235, -0.42 + 0.28 * j, 0.14, 0.2) for i in range(5) for j in range(4))
 """In the raised bed's earth."""
 
-TREE: Place = (2.7, 0.0, -7.2, 0.0)
+TREE: Place = (3.1, 0.0, -7.2, 0.0)
 
 GRASS_EDGES = (
     (-10.3, 9.6, -10.3, -6.0),

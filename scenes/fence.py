@@ -159,7 +159,7 @@ def _furnish(setting: Setting, draw: UniformDraws) -> None:
     setting.add("ladder", ladder, (0.60, 0.45, 0.30), (4.2, 0.0, WALL_Z + 0.05, 0.0))
 
 
-POT_PLANTS = (Bush(1.15, 0.25, 3.3, 0.24, 0.5), Bush(-1.15, 0.25, 3.3, 0.22, 0.55), Bush(1.3, 0.25, -0.9, 0.26, 0.6))
+POT_PLANTS = (Bush(1.15, 0.25, 3.3, 0.24, 0.5), Bush(-1.95, 0.25, 3.2, 0.22, 0.55), Bush(1.3, 0.25, -0.9, 0.26, 0.6))
 
 BUSHES = (
     Bush(-5.1, 0.0, -1.2, 0.6, 1.1),

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterable
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -42,6 +44,22 @@ def lowest(world: World) -> dict[str, list[float]]:
         run = world.triangles[world.first_triangle[i] : world.first_triangle[i + 1]]
         found.setdefault(world.meshes[instance.mesh].name, []).append(float(world.vertices[run][..., 1].min()))
     return found
+
+
+def overlaps_in_plan(world: World, names: Iterable[str], disks: Iterable[tuple[float, float, float]]) -> list[str]:
+    """Which of the named instances' rectangles round them and of the disks (x, z, radius), seen from above, overlap."""
+    found: list[tuple[str, NDArray[np.float64], NDArray[np.float64]]] = []
+    for i, instance in enumerate(world.instances):
+        if (name := world.meshes[instance.mesh].name) in set(names):
+            run = world.vertices[world.triangles[world.first_triangle[i] : world.first_triangle[i + 1]]]
+            plan = run.reshape(-1, 3)[:, [0, 2]].astype(np.float64)
+            found.append((name, plan.min(axis=0), plan.max(axis=0)))
+    found += [(f"disk {x}, {z}", np.array([x - r, z - r]), np.array([x + r, z + r])) for x, z, r in disks]
+    return [
+        f"{a} and {b}"
+        for (a, low, high), (b, low_b, high_b) in combinations(found, 2)
+        if (np.minimum(high, high_b) - np.maximum(low, low_b) > 1e-4).all()
+    ]
 
 
 def areas(corners: NDArray[Any]) -> NDArray[np.float64]:

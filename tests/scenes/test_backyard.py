@@ -4,11 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scene_geometry import areas, assert_lights_are_usable, corners_of, digest, lowest, made, shares_seen, smallest_area
+from scene_geometry import (
+    areas,
+    assert_lights_are_usable,
+    corners_of,
+    digest,
+    lowest,
+    made,
+    overlaps_in_plan,
+    shares_seen,
+    smallest_area,
+)
 
 from shadowbench.errors import ParameterError
 from shadowbench.parameters import parse_parameters
-from shadowbench.scenes.backyard import LEAST_TRIANGLES, PATIO_TOP, Backyard
+from shadowbench.scenes.backyard import BUSHES, LEAST_TRIANGLES, PATIO_TOP, Backyard
 from shadowbench.world import World, place
 
 GREEN = (
@@ -77,6 +87,12 @@ def test_what_stands_on_the_ground_touches_it_and_what_stands_on_the_patio_touch
     assert low["crate"] == pytest.approx([PATIO_TOP, PATIO_TOP + 0.36, PATIO_TOP])
     for name in ("bowl", "bottle", "glass"):
         assert low[name] == pytest.approx([PATIO_TOP + 0.74] * len(low[name])), name
+
+
+def test_things_do_not_stand_in_each_other(world: World) -> None:
+    standing = ("house walls", "table", "pot", "kennel", "raised bed", "bench", "ball", "side table", "watering can")
+    overlaps = overlaps_in_plan(world, (*standing, "fence"), [(b.x, b.z, 0.9 * b.radius) for b in BUSHES])
+    assert set(overlaps) == {"fence and fence"}, "only panels of the fence, which share their posts"
 
 
 def test_leaves_hang_on_wood(world: World) -> None:

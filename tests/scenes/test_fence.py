@@ -4,11 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scene_geometry import assert_lights_are_usable, corners_of, digest, lowest, made, shares_seen, smallest_area
+from scene_geometry import (
+    assert_lights_are_usable,
+    corners_of,
+    digest,
+    lowest,
+    made,
+    overlaps_in_plan,
+    shares_seen,
+    smallest_area,
+)
 
 from shadowbench.errors import ParameterError
 from shadowbench.parameters import parse_parameters
-from shadowbench.scenes.fence import LEAST_TRIANGLES, WALL_Z, WIRE_HEIGHT, WIRE_Z, Fence
+from shadowbench.scenes.fence import BUSHES, LEAST_TRIANGLES, WALL_Z, WIRE_HEIGHT, WIRE_Z, Fence
 from shadowbench.scenes.sunflowers import PETALS, Sunflowers
 from shadowbench.scenes.uniform_draws import UniformDraws
 from shadowbench.world import World, place
@@ -53,6 +62,11 @@ def test_everything_stands_on_the_ground(world: World) -> None:
     assert -0.02 < min(low["ladder"] + low["stems"] + low["sunflower stems"]) <= 0.0
     bricks = min(low["bricks 1"] + low["bricks 2"] + low["bricks 3"])
     assert 0.0 < bricks < 0.01, "the lowest course begins half a joint up"
+
+
+def test_things_do_not_stand_in_each_other(world: World) -> None:
+    standing = ("mortar", "wires", "bench", "crate", "pot", "watering can", "gate")
+    assert overlaps_in_plan(world, standing, [(b.x, b.z, b.radius) for b in BUSHES]) == []
 
 
 def test_neighbouring_wires_cross_without_touching_where_they_hook_into_each_other(world: World) -> None:
