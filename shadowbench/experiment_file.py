@@ -35,7 +35,7 @@ from shadowbench.choices import (
     thread_count_of,
 )
 from shadowbench.errors import ExperimentError, did_you_mean
-from shadowbench.rows import LONG_FIELDS, ResultRow
+from shadowbench.rows import FRAME_RATES, LONG_FIELDS, ResultRow
 from shadowbench.toml_lines import line_numbers, line_of
 
 T = TypeVar("T")
@@ -65,8 +65,9 @@ def _size(value: Any) -> tuple[int, int]:
 
 def _value_column(value: Any) -> str:
     name = _name(value)
-    if name not in ResultRow.model_fields and name.partition(".")[0] not in LONG_FIELDS:
-        raise ValueError(f"no column is called '{name}'; {did_you_mean(name, ResultRow.model_fields, noun='column')}")
+    known = (*ResultRow.model_fields, *FRAME_RATES)
+    if name not in known and name.partition(".")[0] not in LONG_FIELDS:
+        raise ValueError(f"no column is called '{name}'; {did_you_mean(name, known, noun='column')}")
     return name
 
 

@@ -143,6 +143,9 @@ class ResultRow(BaseModel):
     )
 
 
+FRAME_RATES = {"static_frame_fps": "static_frame_ms", "dynamic_frame_fps": "dynamic_frame_ms"}
+"""Values that tables make of a row [frames per second], and the columns [ms] that they are the inverse of."""
+
 LONG_FIELDS = ("stages", "counters", "kept", "samples", "artifacts")
 """Fields that stand beside the row as (case_key, name, value, unit)."""
 

@@ -4,6 +4,7 @@
 name                     value
 ======================== =====================================================================================
 ``build_ms`` ...         a column of :class:`~shadowbench.rows.ResultRow`
+``static_frame_fps``     frames per second: the inverse of ``static_frame_ms``; ``dynamic_frame_fps`` likewise
 ``method``, ``scene``    a label: the name, and those parameters that tell the table's cases apart
 ``size``                 ``1024x768``
 ``case``                 the beginning of the case's key
@@ -24,7 +25,7 @@ from collections.abc import Iterable
 from enum import StrEnum
 from typing import Any
 
-from shadowbench.rows import LONG_FIELDS, LONG_UNITS, ResultRow, column_unit
+from shadowbench.rows import FRAME_RATES, LONG_FIELDS, LONG_UNITS, ResultRow, column_unit
 from shadowbench.tables.numbers import shown_unit
 
 Scalar = str | int | float | bool | None
@@ -49,6 +50,8 @@ def value_of(row: ResultRow, name: str) -> Scalar:
     """Return a row's value under ``name``, ``None`` where it has none. Labels are :mod:`.labels`'s business."""
     if name in ROW_COLUMNS:
         return scalar(getattr(row, name))
+    if name in FRAME_RATES:
+        return _rate(getattr(row, FRAME_RATES[name]))
     if name == "size":
         return f"{row.width}x{row.height}"
     if name == "case":
@@ -71,7 +74,7 @@ def is_known(name: str, rows: Iterable[ResultRow]) -> bool:
 def is_value_column(name: str) -> bool:
     """Return whether ``name`` may stand among a layout's values."""
     owner, _, inner = name.partition(".")
-    return name in ROW_COLUMNS or bool(inner and owner in _LONG_NUMBERS)
+    return name in ROW_COLUMNS or name in FRAME_RATES or bool(inner and owner in _LONG_NUMBERS)
 
 
 def parameter_names(rows: Iterable[ResultRow]) -> list[str]:
@@ -83,14 +86,25 @@ def parameter_names(rows: Iterable[ResultRow]) -> list[str]:
 
 def interval_of(row: ResultRow, name: str) -> tuple[float, float] | None:
     """Return the 95 % interval of a value, or ``None`` for one that has none."""
+    if name in FRAME_RATES:
+        durations = interval_of(row, FRAME_RATES[name])
+        slowest, fastest = (None, None) if durations is None else (_rate(durations[1]), _rate(durations[0]))
+        return None if slowest is None or fastest is None else (slowest, fastest)
     low, high = getattr(row, f"{name}_low", None), getattr(row, f"{name}_high", None)
     return None if low is None or high is None else (low, high)
+
+
+def _rate(duration: float | None) -> float | None:
+    """Frames per second of a frame's duration [ms]."""
+    return None if duration is None or duration <= 0.0 else 1.0e3 / duration
 
 
 def unit_of(name: str) -> str:
     """Return the unit of a column's values, empty for text and parameters."""
     if name in ROW_COLUMNS:
         return column_unit(name)
+    if name in FRAME_RATES:
+        return "fps"
     owner, _, inner = name.partition(".")
     return LONG_UNITS[owner] if inner and owner in _LONG_NUMBERS else ""
 
@@ -105,8 +119,8 @@ def header_text(name: str) -> str:
     owner, _, inner = name.partition(".")
     if inner and owner in (*_LONG_NUMBERS, "method", "scene"):
         return inner
-    if name in ROW_COLUMNS:
-        for ending in ("_ms", "_percent", "_count"):
+    if name in ROW_COLUMNS or name in FRAME_RATES:
+        for ending in ("_ms", "_percent", "_count", "_fps"):
             name = name.removesuffix(ending)
     return name.replace("_", " ")
 

@@ -3,7 +3,7 @@
 ========= ================================================================ ==================
 unit      written                                                          example
 ========= ================================================================ ==================
-ms        3 significant digits, whole digits never rounded away            0.0123, 12.3, 1234
+ms, fps   3 significant digits, whole digits never rounded away            0.0123, 12.3, 1234
 %         2 decimals; what is not 0 (or 100) is never written as 0 (100)   0.35, <0.01, >99.99
 bytes     in MiB, 4 significant digits                                     170.7
 counts    exactly                                                          786432
@@ -43,7 +43,7 @@ def number_text(value: float, unit: str, *, thousands: bool = False) -> str:
         return _significant(value / MEBIBYTE, 4, thousands=thousands)
     if isinstance(value, int):
         return f"{value:,}" if thousands else str(value)
-    return _significant(value, 3 if unit == "ms" else 4, thousands=thousands)
+    return _significant(value, 3 if unit in ("ms", "fps") else 4, thousands=thousands)
 
 
 def _percent(value: float) -> str:

@@ -101,3 +101,13 @@ def test_names_that_mean_nothing_are_known_as_such(row: ResultRow) -> None:
     assert not any(is_known(name, [row]) for name in ("sede", "method.sede", ""))
     assert all(is_value_column(name) for name in ("build_ms", "stages.x", "counters.a.b"))
     assert not any(is_value_column(name) for name in ("stages", "stages.", "stages.x"[:6], "samples.x", "resolution"))
+
+
+def test_a_frame_rate_is_the_inverse_of_a_frame_and_its_interval_is_turned_round(make_row: Any) -> None:
+    row = make_row(dynamic_frame_ms=20.0, dynamic_frame_ms_low=10.0, dynamic_frame_ms_high=40.0)
+    assert value_of(row, "dynamic_frame_fps") == 50.0
+    assert interval_of(row, "dynamic_frame_fps") == (25.0, 100.0)
+    assert (unit_of("dynamic_frame_fps"), header_text("dynamic_frame_fps")) == ("fps", "dynamic frame")
+    assert is_value_column("static_frame_fps")
+    assert value_of(row, "static_frame_fps") is None
+    assert interval_of(row, "static_frame_fps") is None
