@@ -18,16 +18,14 @@ Limits: opaque casters and lights without area. Needs the extra ``peers`` (embre
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from shadowbench.device.processors import confined_to
 from shadowbench.device.rays import OffsetRays
 from shadowbench.light_space import is_in_field_of_view
 from shadowbench.method import Changes, Context, Method, Trace, View
@@ -113,7 +111,7 @@ class Embree(Method):
             from embreex.mesh_construction import TriangleMesh
             from embreex.rtcore_scene import EmbreeScene
 
-            with _confined_to(self.context.threads):
+            with confined_to(self.context.threads):
                 with trace.stage("buffer copy"):
                     self._scene = EmbreeScene(robust=True)
                     TriangleMesh(self._scene, casters.vertices, casters.triangles)
@@ -159,17 +157,3 @@ class Embree(Method):
     def close(self) -> None:
         self._pool.shutdown()
         self._scene = None
-
-
-@contextmanager
-def _confined_to(threads: int) -> Iterator[None]:
-    """Let threads started here use only so many processors, where the system knows such a thing."""
-    if not hasattr(os, "sched_setaffinity"):
-        yield
-        return
-    allowed = os.sched_getaffinity(0)
-    os.sched_setaffinity(0, sorted(allowed)[:threads])
-    try:
-        yield
-    finally:
-        os.sched_setaffinity(0, allowed)
