@@ -7,6 +7,7 @@ counters, kept arrays, samples) stand beside the row as name -> value. Nothing h
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from enum import StrEnum
 from typing import Any
 
@@ -128,7 +129,9 @@ class ResultRow(BaseModel):
     reference_error: float | None = _column("the filtered reference's own convergence error", "1")
 
     machine: str = Field("", description="machine key: processor, cores, memory, operating system")
-    environment: dict[str, Any] = Field(default_factory=dict, description="versions and hardware")
+    environment: dict[str, Any] = Field(
+        default_factory=dict, description="versions and hardware, those of the method's own libraries included"
+    )
     code_version: str = Field("", description="version of shadowbench and, in a checkout, its commit")
     measured_at: str = Field("", description="end of the case, ISO 8601, UTC")
 
@@ -215,3 +218,10 @@ class RunRecord(BaseModel):
     method_defaults: dict[str, dict[str, Any]] = Field(
         default_factory=dict, description="method -> parameter -> default, so that labels can leave defaults out"
     )
+
+
+def own_libraries(run: RunRecord, rows: Iterable[ResultRow]) -> dict[str, str]:
+    """Return the versions that rows name beyond their run's: a peer's device, by name."""
+    known = run.environment.get("libraries", {})
+    named = [row.environment.get("libraries", {}) for row in rows]
+    return {name: str(text) for libraries in named for name, text in libraries.items() if name not in known}

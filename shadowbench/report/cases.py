@@ -15,7 +15,7 @@ from typing import Any
 from shadowbench.experiment import Choice
 from shadowbench.report import wording
 from shadowbench.report.embedding import Embedded, Embedder
-from shadowbench.rows import Outcome, ResultRow, RunRecord
+from shadowbench.rows import Outcome, ResultRow, RunRecord, own_libraries
 from shadowbench.tables.labels import Labels
 
 Facts = list[tuple[str, str]]
@@ -198,7 +198,7 @@ def _cards(run: RunRecord, group: Sequence[ResultRow], view: str, embedder: Embe
                 measures=_measures(row),
                 counters=[(k, wording.count(v)) for k, v in row.counters.items()],
                 kept=[(k, wording.byte_size(v)) for k, v in row.kept.items()],
-                origin=_origin(row),
+                origin=_origin(run, row),
                 command=reproduce_command(row),
             )
         )
@@ -253,7 +253,7 @@ def _measures(row: ResultRow) -> list[tuple[str, str, str]]:
     return found
 
 
-def _origin(row: ResultRow) -> Facts:
+def _origin(run: RunRecord, row: ResultRow) -> Facts:
     facts = [
         ("experiment", row.experiment),
         ("self-hit rule", row.self_hit),
@@ -261,6 +261,7 @@ def _origin(row: ResultRow) -> Facts:
         ("rounds", "" if row.rounds is None else str(row.rounds)),
         ("largest resident size", "" if row.peak_rss_bytes is None else wording.byte_size(row.peak_rss_bytes)),
         ("measured", wording.moment(row.measured_at) if row.measured_at else ""),
+        *own_libraries(run, [row]).items(),
         ("code", row.code_version),
         ("case", row.case_key),
     ]

@@ -14,7 +14,7 @@ from typing import Any
 
 from shadowbench.report import wording
 from shadowbench.report.cases import Card, Facts, SceneView
-from shadowbench.rows import Outcome, ResultRow, RunRecord, RunStatus
+from shadowbench.rows import Outcome, ResultRow, RunRecord, RunStatus, own_libraries
 
 _NAMED = 3
 """Cases that are named; of more, only the number is said."""
@@ -98,7 +98,7 @@ def summarize(run: RunRecord, rows: Sequence[ResultRow], views: Sequence[SceneVi
         notices=_notices(run, rows),
         warnings=_warnings(views),
         facts=_facts(run),
-        environment=flattened(run.environment),
+        environment=[*flattened(run.environment), *own_libraries(run, rows).items()],
     )
 
 

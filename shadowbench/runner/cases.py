@@ -114,6 +114,7 @@ class Case:
         deterministic, view_dependent: As the method declares.
         device, threads: Where it runs.
         quality_key, case_key: What pixels, and what times depend on.
+        libraries: Versions of what the method depends on beside Warp, by name; a peer's own, and its device.
         obstacle: Why it cannot be measured, if that is known already.
     """
 
@@ -129,6 +130,7 @@ class Case:
     threads: int
     quality_key: str
     case_key: str
+    libraries: dict[str, str] = field(default_factory=dict)
     obstacle: Obstacle | None = None
 
 

@@ -242,6 +242,7 @@ class _Resolver:
             threads=threads,
             quality_key=quality_key,
             case_key=key_of([quality_key, self._options.device, threads, self._machine]),
+            libraries=described["libraries"],
             obstacle=broken or obstacle,
         )
 

@@ -134,7 +134,7 @@ def _common(case: Case, run: RunRecord) -> dict[str, Any]:
         "threads": case.threads,
         "warnings": list(view.notes),
         "machine": run.machine,
-        "environment": run.environment,
+        "environment": run.environment | {"libraries": run.environment.get("libraries", {}) | case.libraries},
         "code_version": run.code_version,
         "measured_at": now(),
     }

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from shadowbench.errors import UsageError, did_you_mean
 from shadowbench.experiment import TableLayout
-from shadowbench.rows import Outcome, ResultRow, RunRecord, RunStatus
+from shadowbench.rows import Outcome, ResultRow, RunRecord, RunStatus, own_libraries
 from shadowbench.tables.columns import (
     MEASURE,
     Scalar,
@@ -188,6 +188,7 @@ class _Making:
             notes.append(f"printed: {self.source()}; ratio: measured / printed")
         if self.run is not None and self.run.status in _UNFINISHED:
             notes.append(f"{_UNFINISHED[self.run.status]}; cases may be missing")
+        notes += _library_notes(self.run, self.rows)
         for name in (*self.layout.index, *([self.layout.columns] if self.layout.columns else [])):
             if self.rows and not is_known(name, self.rows):
                 hint = did_you_mean(name, parameter_names(self.rows), noun="parameter")
@@ -214,6 +215,11 @@ class _Making:
         if value == "" or (name in ("pixel_samples", "layers") and value == 1):
             return ""  # what an ordinary picture has goes without saying
         return str(value) if name == "size" else f"{name} {value}"
+
+
+def _library_notes(run: RunRecord | None, rows: Sequence[ResultRow]) -> list[str]:
+    """Return what is not the run's alone: a peer's device, say."""
+    return [f"{name}: {text}" for name, text in own_libraries(run, rows).items()] if run is not None else []
 
 
 def _index_cell(value: Scalar, column: str) -> Cell:

@@ -94,6 +94,14 @@ def test_title_is_the_experiments_own_if_the_run_knows_it() -> None:
     assert summarize(some_run(definitions=[{"name": "quick", "title": "A quick look"}]), [], []).title == "A quick look"
 
 
+def test_a_peers_device_is_named_beside_the_runs_environment() -> None:
+    own = some_row("gl", environment={"libraries": {"numpy": "2.4", "renderer": "a card"}})
+    facts = summarize(some_run(), [some_row(), own], views_of(own)).environment
+    assert facts == [("python", "3.11"), ("libraries, numpy", "2.4"), ("renderer", "a card")]
+    (card,) = views_of(own)[0].cards
+    assert ("renderer", "a card") in card.origin
+
+
 def test_nested_environment_is_flattened() -> None:
     nested = {"python": "3.11", "libraries": {"numpy": "2.4", "none": None}, "load_average": [0.5, 1.0]}
     expected = [("python", "3.11"), ("libraries, numpy", "2.4"), ("load average", "0.5, 1.0")]

@@ -32,6 +32,11 @@ def test_a_row_says_what_was_measured(measure: Measure, tmp_path: Path) -> None:
     assert shifted.false_lit_count == pytest.approx(0.25 / 0.4 * shadowed, rel=0.1)
     assert shifted.false_shadow_count == lit.false_shadow_count == 0
 
+    assert lit.environment == ended.record.environment | {
+        "libraries": ended.record.environment["libraries"] | {"imagined": "1"}
+    }
+    assert exact.environment == ended.record.environment
+
     for row in ended.rows:
         assert row.rounds == 8 == len(row.samples["build"]) == len(row.samples["shade"]) == len(row.samples["camera"])
         static = np.add(row.samples["camera"], row.samples["shade"])

@@ -190,6 +190,12 @@ def test_names_that_no_case_has_are_noted_and_wrong_values_refused(make_row: Any
         _one(rows, TableLayout("T", ("method",), ("build_ms",), "measure"))
 
 
+def test_a_peers_device_is_noted(make_row: Any, make_run: Any) -> None:
+    run = make_run(environment={"libraries": {"numpy": "2"}})
+    own = make_row(environment={"libraries": {"numpy": "2", "renderer": "a card"}}, build_ms=1.0)
+    assert _one([make_row(build_ms=1.0), own], run=run).notes[1:] == ("renderer: a card",)
+
+
 def test_each_warning_is_noted_once_with_its_number_of_cases(make_row: Any) -> None:
     rows = [make_row(warnings=["same", f"own {i}", "same"], build_ms=1.0) for i in range(12)]
     notes = _one(rows).notes
