@@ -77,7 +77,7 @@ def all_checks(results: Path) -> Iterator[Check]:
         lambda: results_folder(results),
         graphics,
         lambda: peer("embreex", "embree", "import embreex.rtcore_scene"),
-        lambda: peer("moderngl", "opengl", _OPENGL),
+        lambda: peer("moderngl", "opengl-*", _OPENGL),
     )
     for look in looks:
         try:
@@ -165,7 +165,7 @@ def graphics() -> Check:
     found = [name for name in ("EGL", "OSMesa", "GL") if ctypes.util.find_library(name)]
     if not {"EGL", "OSMesa"} & set(found):
         return Check(
-            "libEGL", State.WARN, "not found; only the opengl peer needs it", "apt install libegl1 libgl1-mesa-dri"
+            "libEGL", State.WARN, "not found; only the methods opengl-* need it", "apt install libegl1 libgl1-mesa-dri"
         )
     return Check("libEGL", State.OK, ", ".join(f"lib{name}" for name in found))
 
