@@ -28,7 +28,7 @@ from .look_up import at_face
 _TESTS = """
 float test(int face, ivec2 texel, float d) {  // one texel's, clamped
     ivec2 last = ivec2(int(resolution) - 1);
-    return min(exp(-exponent * d) * stored(face, clamp(texel, ivec2(0), last)), 1.0);
+    return min(exp(-c * d) * stored(face, clamp(texel, ivec2(0), last)), 1.0);
 }
 
 float fallback(int face, vec2 at, float d) {  // the bilinear mean of four tests
@@ -43,13 +43,13 @@ float fallback(int face, vec2 at, float d) {  // the bilinear mean of four tests
 
 
 class ExponentialParameters(FilteredParameters):
-    exponent: float = parameter(
+    c: float = parameter(
         80.0, unit="1", help="c of e^(c z): larger leaks less; float32 overflows beyond 87.", gt=0.0, le=87.0
     )
     classification: Literal["none", "threshold"] = parameter(
         "threshold", unit="1", help="Which receivers fall back to four tests: none, or those above 1 + epsilon."
     )
-    epsilon: float = parameter(0.02, unit="1", help="How far above 1 a filtered test may lie.", ge=0.0, le=100.0)
+    epsilon: float = parameter(0.05, unit="1", help="How far above 1 a filtered test may lie.", ge=0.0, le=100.0)
 
 
 class OpenglExponential(FilteredMethod):
@@ -64,13 +64,13 @@ class OpenglExponential(FilteredMethod):
     parameters: ExponentialParameters
 
     def uniforms(self) -> dict[str, float]:
-        return {"exponent": self.parameters.exponent, "epsilon": self.parameters.epsilon}
+        return {"c": self.parameters.c, "epsilon": self.parameters.epsilon}
 
     def stored(self) -> str:
-        return f"stored = exp({self.parameters.exponent!r} * z);"
+        return f"stored = exp({self.parameters.c!r} * z);"
 
     def empty(self) -> Color:
-        return (math.exp(self.parameters.exponent), 0.0, 0.0, 0.0)
+        return (math.exp(self.parameters.c), 0.0, 0.0, 0.0)
 
     def functions(self, faces: int) -> str:
         if self.parameters.classification == "none":
@@ -78,7 +78,7 @@ class OpenglExponential(FilteredMethod):
         return at_face("float stored(ivec2 texel)", "texelFetch({map}, texel, 0).r", faces) + _TESTS
 
     def statements(self) -> str:
-        lines = ["result = exp(-exponent * d) * moments.r;"]
+        lines = ["result = exp(-c * d) * moments.r;"]
         if self.parameters.classification == "threshold":
             lines.append("if (result > 1.0 + epsilon) result = fallback(face, at, d);")
         return "\n    ".join([*lines, "result = min(result, 1.0);"])
@@ -88,7 +88,7 @@ class OpenglExponential(FilteredMethod):
         if self.parameters.classification == "none" or self._device is None:
             return
         with self._device as device:
-            statements = "result = exp(-exponent * d) * moments.r > 1.0 + epsilon ? 1.0 : 0.0;"
+            statements = "result = exp(-c * d) * moments.r > 1.0 + epsilon ? 1.0 : 0.0;"
             classify = self.look_up_that(device, self._receivers, len(self._frames), statements, unreached=0.0)
             classify.run(self._light, self._frames, *self.sampled())
             failing = np.empty(receivers.count, np.float32)

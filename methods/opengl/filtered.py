@@ -1,11 +1,12 @@
 """Maps that are filtered before they are looked up: what OpenGL's exponential and variance shadow maps share.
 
 A float texture beside the depth buffer holds a function of the depth. It is blurred (``kernel``), gets a mip chain by
-glGenerateMipmap, and is looked up bilinearly in its base level, trilinearly at the level of detail of the receiver's
-pixel in the map (log2 of the longer side of its footprint, from the receiver's own plane), or anisotropically: several
-trilinear samples along the longer side, as many as it is longer than the shorter one. Their places are those of
-EXT_texture_filter_anisotropic, but written out in the shader: llvmpipe's own anisotropic filter overrules the gradients
-it is given by differences between neighbouring texels of the target, which here are receivers in list order.
+glGenerateMipmap, and is looked up as ``filtering`` says: ``nearest`` and ``bilinear`` in its base level; ``trilinear``
+at the level of detail of the receiver's pixel in the map, which is log2 of the longer side of its footprint, from the
+receiver's own plane; ``anisotropic`` by several trilinear samples along that side, as many as it is longer than the
+shorter one. Their places are those of EXT_texture_filter_anisotropic, but written out in the shader: llvmpipe's own
+anisotropic filter overrules the gradients it is given by differences between neighbouring texels of the target, which
+here are receivers in list order.
 """
 
 from __future__ import annotations
@@ -31,13 +32,12 @@ if TYPE_CHECKING:
 
 
 class FilteredParameters(OpenglParameters):
-    bias: float = parameter(0.0, unit="depth", help="Constant bias, taken off the receiver's depth.", ge=0.0, le=1.0)
     slope_bias: float = parameter(
         0.0, unit="texels", help="Polygon offset: stored depths grow by this many texels of slope.", ge=0.0, le=64.0
     )
     kernel: int = parameter(5, unit="texels", help="Width of the Gauss blur, odd; 0 for none.", ge=0, le=63)
-    filter: Literal["bilinear", "trilinear", "anisotropic"] = parameter(
-        "trilinear", unit="1", help="Look up in the base level, in the mip chain, or along the footprint's longer side."
+    filtering: Literal["nearest", "bilinear", "trilinear", "anisotropic"] = parameter(
+        "trilinear", unit="1", help="How the map is looked up; the last two through its mip chain."
     )
     anisotropy: int = parameter(10, unit="1", help="Most samples of an anisotropic look-up.", ge=1, le=16)
 
@@ -50,6 +50,7 @@ class FilteredParameters(OpenglParameters):
 
 
 _SAMPLES = {
+    "nearest": "vec4 moments = sampled(face, at, 0.0);",
     "bilinear": "vec4 moments = sampled(face, at, 0.0);",
     "trilinear": f"""{GRADIENTS}
     float side = resolution * max(length(at_dx), length(at_dy));
@@ -109,10 +110,11 @@ class FilteredMethod(OpenglMethod):
         self._convolution = None
         if p.kernel > 1:
             self._convolution = Convolution(device, p.resolution, width=p.kernel, components=self.components)
+        way = gl.NEAREST if p.filtering == "nearest" else gl.LINEAR
         self._sampler = gl.sampler(
             repeat_x=False,
             repeat_y=False,
-            filter=(gl.LINEAR_MIPMAP_LINEAR if p.filter != "bilinear" else gl.LINEAR, gl.LINEAR),
+            filter=(gl.LINEAR_MIPMAP_LINEAR if self.has_levels else way, way),
         )
 
     def make_look_up(self, device: OpenglDevice, receivers: ReceiverTextures, faces: int) -> LookUp:
@@ -137,15 +139,20 @@ class FilteredMethod(OpenglMethod):
             receivers,
             faces,
             functions="\n".join(functions),
-            statements=f"{_SAMPLES[p.filter]}\n    {statements}",
+            statements=f"{_SAMPLES[p.filtering]}\n    {statements}",
             unreached=unreached,
             uniforms={"resolution": p.resolution, "bias": p.bias, "anisotropy": p.anisotropy, **uniforms},
         )
 
     @property
+    def has_levels(self) -> bool:
+        """Whether the maps have mip chains."""
+        return self.parameters.filtering in ("trilinear", "anisotropic")
+
+    @property
     def has_gradients(self) -> bool:  # type: ignore[override]
         """Whether the look-up needs to know how receivers change from pixel to pixel."""
-        return self.parameters.filter != "bilinear"
+        return self.has_levels
 
     def targets(self) -> Sequence[moderngl.Framebuffer]:
         return self._targets
@@ -155,7 +162,7 @@ class FilteredMethod(OpenglMethod):
             with device.stage(trace, "convolution"):
                 for texture, target in zip(self._maps, self._blur_targets, strict=True):
                     self._convolution.run(texture, target)
-        if self.parameters.filter != "bilinear":
+        if self.has_levels:
             with device.stage(trace, "mip chain"):
                 for texture in self._maps:
                     texture.build_mipmaps()
@@ -165,15 +172,17 @@ class FilteredMethod(OpenglMethod):
 
     def bytes_of_maps(self) -> dict[str, int]:
         size, faces = self.parameters.resolution, len(self._maps)
-        level_count = size.bit_length() if self.parameters.filter != "bilinear" else 1
+        level_count = size.bit_length() if self.has_levels else 1
         texels = sum(max(1, size >> level) ** 2 for level in range(level_count))
         found = {self.map_name: 4 * self.components * texels * faces, "depth buffer": 4 * size**2}
         if self._convolution is not None:
             found["half-blurred map"] = self._convolution.byte_count
         return found
 
-    def kernel(self, receivers: Receivers) -> LightSpaceKernel:
+    def kernel(self, receivers: Receivers) -> LightSpaceKernel | None:
         p = self.parameters
+        if p.kernel < 2 and p.filtering == "nearest":
+            return None
         if p.kernel < 2:
             return LightSpaceKernel("bilinear", 2.0, p.resolution)
         return LightSpaceKernel("gauss", float(p.kernel), p.resolution, gauss_sigma(p.kernel))

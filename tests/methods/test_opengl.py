@@ -166,7 +166,9 @@ def test_stages_tell_the_transfers_from_the_work():
     assert trace.bytes_by_name()["casters on the device"] == buffers
     _, trace = shaded(method, world, world.lights["sun"], receivers, instances=frozenset())
     assert list(trace.stages) == ["depth map", "convolution", "mip chain", *looking_up]
-    _, trace = shaded(opengl("vsm", resolution=64, kernel=0, filter="bilinear"), world, world.lights["lamp"], receivers)
+    _, trace = shaded(
+        opengl("vsm", resolution=64, kernel=0, filtering="bilinear"), world, world.lights["lamp"], receivers
+    )
     assert list(trace.stages) == ["caster upload", "depth map", *looking_up]
     assert trace.counters["map texels"] == 6 * 64 * 64
     assert trace.bytes_by_name()["moment map"] == 6 * 64 * 64 * 8

@@ -46,16 +46,18 @@ def placed():
     return u, v, d, [SIZE * step.astype(np.float64) @ FRAME.projection[:2, :3].T for step in steps]
 
 
-def filtered_by_numpy(method, filter_):
+def filtered_by_numpy(method, filtering):
     """The maps' filtered values at the receivers."""
     u, v, _, footprint = placed()
-    if filter_ == "bilinear":
+    if filtering == "nearest":
+        return maps_of(method)[0][np.floor(v * SIZE).astype(int), np.floor(u * SIZE).astype(int)]
+    if filtering == "bilinear":
         return bilinear(maps_of(method)[0], u, v)
     chain = [maps_of(method, level)[0].astype(np.float64) for level in range(SIZE.bit_length())]
     sides = np.stack([np.linalg.norm(side, axis=1) for side in footprint])
     longer, shorter = sides.max(axis=0), sides.min(axis=0)
     assert (longer > 2.0).mean() > 0.1  # not all in the base level
-    if filter_ == "trilinear":
+    if filtering == "trilinear":
         return trilinear(chain, u, v, np.log2(np.maximum(longer, 1.0)))
     # EXT_texture_filter_anisotropic: N samples along the longer side
     count = np.minimum(np.ceil(longer / shorter), method.parameters.anisotropy)
@@ -111,20 +113,20 @@ def test_each_level_of_the_mip_chain_is_the_mean_of_four(name):
         finer = coarser.astype(np.float64)
 
 
-@pytest.mark.parametrize("filter_", ["bilinear", "trilinear", "anisotropic"])
-def test_the_exponential_look_up_is_numpys(filter_):
-    method, found, _ = built("esm", kernel=5, filter=filter_, classification="none")
-    expected = np.minimum(np.exp(-C * placed()[2]) * filtered_by_numpy(method, filter_), 1.0)
+@pytest.mark.parametrize("filtering", ["nearest", "bilinear", "trilinear", "anisotropic"])
+def test_the_exponential_look_up_is_numpys(filtering):
+    method, found, _ = built("esm", kernel=5, filtering=filtering, classification="none")
+    expected = np.minimum(np.exp(-C * placed()[2]) * filtered_by_numpy(method, filtering), 1.0)
     # a place between texels or levels may have eight bits only
     assert np.quantile(np.abs(found - expected), 0.99) < 1e-3
     np.testing.assert_allclose(found, expected, atol=0.02)
     assert 0.2 < (found > 0.99).mean() < 0.95
 
 
-@pytest.mark.parametrize("filter_", ["bilinear", "trilinear", "anisotropic"])
-def test_the_variance_look_up_is_numpys(filter_):
-    method, found, _ = built("vsm", kernel=5, filter=filter_, minimum_variance=1e-5, bleeding_reduction=0.2)
-    moments = filtered_by_numpy(method, filter_)
+@pytest.mark.parametrize("filtering", ["nearest", "bilinear", "trilinear", "anisotropic"])
+def test_the_variance_look_up_is_numpys(filtering):
+    method, found, _ = built("vsm", kernel=5, filtering=filtering, minimum_variance=1e-5, bleeding_reduction=0.2)
+    moments = filtered_by_numpy(method, filtering)
     expected = np.clip((chebyshev(moments, placed()[2], 1e-5) - 0.2) / 0.8, 0.0, 1.0)
     assert np.quantile(np.abs(found - expected), 0.99) < 5e-3
     np.testing.assert_allclose(found, expected, atol=0.05)
@@ -132,7 +134,7 @@ def test_the_variance_look_up_is_numpys(filter_):
 
 def test_what_exceeds_one_falls_back_to_four_clamped_tests():
     epsilon = 0.05
-    method, found, trace = built("esm", kernel=5, filter="bilinear", epsilon=epsilon)
+    method, found, trace = built("esm", kernel=5, filtering="bilinear", epsilon=epsilon)
     method.explain(RECEIVERS, trace)
     u, v, d, _ = placed()
     base = maps_of(method)[0].astype(np.float64)
@@ -146,7 +148,7 @@ def test_what_exceeds_one_falls_back_to_four_clamped_tests():
     tests = sum(share * np.minimum(np.exp(-C * d) * base[texel], 1.0) for texel, share in four_places(SIZE, u, v))
     expected = np.where(failing, tests, np.minimum(product, 1.0))
     assert np.abs(found - expected)[~doubtful].max() < 2e-3
-    _, unclassified, _ = built("esm", kernel=5, filter="bilinear", classification="none")
+    _, unclassified, _ = built("esm", kernel=5, filtering="bilinear", classification="none")
     assert (found <= unclassified).all()
     assert (found < unclassified - 0.1).any()
 
@@ -172,7 +174,7 @@ def test_one_blocker_over_a_parallel_plane_gives_the_lit_share():
     (frame,) = light_frames(world.lights["sun"], world)
     receivers = scattered_receivers(world, 20_000, np.random.default_rng(3))
     ground = receivers.position[:, 1] == 0.0
-    method = opengl("vsm", resolution=SIZE, kernel=7, filter="bilinear", minimum_variance=0.0, bias=0.0)
+    method = opengl("vsm", resolution=SIZE, kernel=7, filtering="bilinear", minimum_variance=0.0, bias=0.0)
     found, _ = shaded(method, world, world.lights["sun"], receivers)
     u, v, _, _ = frame.project(receivers.position[ground]).T
     depth = opengl("shadow-map", resolution=SIZE, slope_bias=0.0)
@@ -184,12 +186,12 @@ def test_one_blocker_over_a_parallel_plane_gives_the_lit_share():
     np.testing.assert_allclose(found[ground][partial], lit[partial], atol=5e-3)
 
 
-@pytest.mark.parametrize("filter_", ["trilinear", "anisotropic"])
+@pytest.mark.parametrize("filtering", ["trilinear", "anisotropic"])
 @pytest.mark.parametrize(("name", "values"), [("esm", {}), ("vsm", {"minimum_variance": 1e-4})])
-def test_a_plane_alone_is_lit_however_it_is_filtered(name, values, filter_):
+def test_a_plane_alone_is_lit_however_it_is_filtered(name, values, filtering):
     world = world_of(square(2.0), lights=LIGHTS)
     receivers = render(world, world.cameras["front"], 80, 60, Context())
-    method = opengl(name, resolution=SIZE, filter=filter_, bias=1e-3, slope_bias=1.0, **values)
+    method = opengl(name, resolution=SIZE, filtering=filtering, bias=1e-3, slope_bias=1.0, **values)
     for light in ("sun", "lamp"):
         found, _ = shaded(method, world, world.lights[light], receivers)
         method.close()
@@ -200,8 +202,8 @@ def test_anisotropy_blurs_less_than_the_longer_side_of_the_footprint():
     world = world_of(square(6.0), square(0.5, 0.6), lights={"sun": DirectionalLight((0.0, 1.0, 0.02))})
     receivers = render(world, world.cameras["front"], 60, 20, Context())
     values = {"resolution": 1024, "kernel": 0, "classification": "none"}
-    soft, _ = run_method("opengl-esm", world, receivers, filter="trilinear", **values)
-    sharp, _ = run_method("opengl-esm", world, receivers, filter="anisotropic", **values)
+    soft, _ = run_method("opengl-esm", world, receivers, filtering="trilinear", **values)
+    sharp, _ = run_method("opengl-esm", world, receivers, filtering="anisotropic", **values)
     half_lit = [((found > 0.1) & (found < 0.9)).sum() for found in (soft, sharp)]
     assert half_lit[1] <= half_lit[0]
 
@@ -225,14 +227,20 @@ def test_a_map_of_2048_texels_keeps_the_papers_bytes(name, kept, byte_count):
     light=st.sampled_from(sorted(LIGHTS)),
     resolution=st.sampled_from([1, 2, 37, 64]),
     kernel=st.sampled_from([0, 1, 3, 9, 63]),
-    filter_=st.sampled_from(["bilinear", "trilinear", "anisotropic"]),
+    filtering=st.sampled_from(["nearest", "bilinear", "trilinear", "anisotropic"]),
     bias=st.sampled_from([0.0, 1e-3, 1.0]),
     slope_bias=st.sampled_from([0.0, 1.0, 64.0]),
     extreme=st.booleans(),
 )
-def test_every_result_is_a_visibility(name, light, resolution, kernel, filter_, bias, slope_bias, extreme):
-    own = {"esm": {"exponent": 87.0, "epsilon": 0.0}, "vsm": {"minimum_variance": 0.0, "slope_term": True}}[name]
-    values = {"resolution": resolution, "kernel": kernel, "filter": filter_, "bias": bias, "slope_bias": slope_bias}
+def test_every_result_is_a_visibility(name, light, resolution, kernel, filtering, bias, slope_bias, extreme):
+    own = {"esm": {"c": 87.0, "epsilon": 0.0}, "vsm": {"minimum_variance": 0.0, "slope_term": True}}[name]
+    values = {
+        "resolution": resolution,
+        "kernel": kernel,
+        "filtering": filtering,
+        "bias": bias,
+        "slope_bias": slope_bias,
+    }
     method, found, _ = built(name, light, **values, **(own if extreme else {}))
     method.close()
     assert np.isfinite(found).all()
@@ -242,8 +250,8 @@ def test_every_result_is_a_visibility(name, light, resolution, kernel, filter_, 
 def test_even_kernels_and_exponents_that_overflow_are_refused():
     with pytest.raises(ParameterError, match="parameter 'kernel' = '4': a blur's width is odd, or 0 for none"):
         parse_parameters(ExponentialParameters, {"kernel": "4"}, owner="method 'opengl-esm'")
-    with pytest.raises(ParameterError, match=r"parameter 'exponent' = '88'.*less than or equal to 87"):
-        parse_parameters(ExponentialParameters, {"exponent": "88"}, owner="method 'opengl-esm'")
+    with pytest.raises(ParameterError, match=r"parameter 'c' = '88'.*less than or equal to 87"):
+        parse_parameters(ExponentialParameters, {"c": "88"}, owner="method 'opengl-esm'")
 
 
 def test_the_footprint_is_told_to_the_filtered_reference():
@@ -251,3 +259,4 @@ def test_the_footprint_is_told_to_the_filtered_reference():
     assert (kernel.shape, kernel.width, kernel.resolution) == ("gauss", 7.0, 64)
     assert kernel.sigma == pytest.approx(1.4)
     assert opengl("vsm", resolution=64, kernel=0).kernel(RECEIVERS).shape == "bilinear"
+    assert opengl("vsm", resolution=64, kernel=1, filtering="nearest").kernel(RECEIVERS) is None
