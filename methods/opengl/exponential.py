@@ -6,8 +6,9 @@ the product exceeds 1 and ``classification=threshold`` (more than 1 + ``epsilon`
 the bilinear weights times the four nearest texels' own clamped tests, on the map that is kept, the blurred one.
 
 Limits: light leaks where caster and receiver are close (e^(-c times their distance)); c is at most 87, beyond which
-float32 overflows. The paper's other classification, by the largest depth under the filter, is left to ``esm``: OpenGL
-has no maximum filter of textures.
+float32 overflows. The paper's other classification, by the largest depth under the filter, is not here: OpenGL has no
+maximum filter of textures. What holds for all that OpenGL draws here (depth, precision, transfers, threads) is said in
+the package's docstring, ``shadowbench.methods.opengl``.
 """
 
 from __future__ import annotations

@@ -5,7 +5,8 @@ The map is drawn by the rasteriser and looked up with ``sampler2DShadow``, whose
 around the receiver weighted by its place between them (``pcf`` with ``filter=bilinear``): the one filter of comparisons
 that graphics hardware has. Hardware rounds the weights to 1/256, llvmpipe does not.
 
-``slope_bias`` is glPolygonOffset's factor, times the footprint's width, as in ``pcf``.
+``slope_bias`` is glPolygonOffset's factor, times the footprint's width, as in ``pcf``. What holds for all that OpenGL
+draws here (depth, precision, transfers, threads) is said in the package's docstring, ``shadowbench.methods.opengl``.
 """
 
 from __future__ import annotations

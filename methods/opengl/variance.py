@@ -5,7 +5,9 @@ Chebyshev's inequality bounds the lit share: 1 where d is at most the mean, else
 least ``minimum_variance``. ``slope_term`` adds a quarter of the squared depth slope, the variance within a texel;
 ``bleeding_reduction`` a maps the result from [a, 1] to [0, 1] and cuts off what is below.
 
-Limits: light leaks where casters lie behind one another, since the bound is only exact for one.
+Limits: light leaks where casters lie behind one another, since the bound is only exact for one. What holds for all that
+OpenGL draws here (depth, precision, transfers, threads) is said in the package's docstring,
+``shadowbench.methods.opengl``.
 """
 
 from __future__ import annotations
