@@ -8,7 +8,8 @@ from shadowbench import experiment
 def test_the_alias_free_papers_table_is_printed_as_it_was() -> None:
     paper = experiment.load("aila-laine-2004-table-1")
     table, _ = paper.tables
-    printed = {name: [case.values[name] for case in table.printed] for name in table.values}
+    names = set(table.values) - {"counters.tested after culling"}  # of which the paper says nothing
+    printed = {name: [case.values[name] for case in table.printed] for name in names}
     assert [case.where["scene.triangles"] for case in table.printed] == [1000, 10_000, 100_000, 1_000_000]
     stages = ("transformation", "BSP construction", "rasterization")
     for stage_times, total in zip(

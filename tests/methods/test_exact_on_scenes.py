@@ -14,7 +14,7 @@ from shadowbench.reference import hard_reference
 from shadowbench.scene import RectangularLight
 from shadowbench.world import place
 
-SMALLER = {"hair-ball": {"hairs": 300}, "random-triangles": {"triangles": 20_000}}
+SMALLER = {"grove": {"instances": 20}, "hair-ball": {"hairs": 300}, "random-triangles": {"triangles": 20_000}}
 SCENES = sorted(set(REGISTRY.names("scene")) - {"mesh-file"})
 
 
