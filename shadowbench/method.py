@@ -86,6 +86,7 @@ class Trace:
         stages: Stage name to duration [ms], in order of first use; a stage entered twice adds up.
         counters: Counter name to value. Counters are machine-independent and gated exactly.
         masks: Mask name to bool per receiver.
+        pictures: Picture name to a number per receiver.
         kept: Array name to the array that stays alive between frames (memory, and pictures for the report).
         kept_bytes: Name to bytes that stay alive without being an array.
         pictures: Picture name to 8-bit sRGB, shape [height, width, 3].
@@ -95,6 +96,7 @@ class Trace:
     stages: dict[str, float] = field(default_factory=dict)
     counters: dict[str, int] = field(default_factory=dict)
     masks: dict[str, NDArray[np.bool_]] = field(default_factory=dict)
+    pictures: dict[str, NDArray[Any]] = field(default_factory=dict)
     kept: dict[str, Any] = field(default_factory=dict)
     kept_bytes: dict[str, int] = field(default_factory=dict)
     pictures: dict[str, NDArray[np.uint8]] = field(default_factory=dict)
@@ -116,6 +118,10 @@ class Trace:
     def mask(self, name: str, values: NDArray[Any]) -> None:
         """Report receivers by a test of the method's own, e.g. ``classified``; shape [receiver_count]."""
         self.masks[name] = np.asarray(values).astype(bool)
+
+    def picture(self, name: str, values: NDArray[Any]) -> None:
+        """Report a number per receiver, 0 or more, to be seen as a heat map; shape [receiver_count]."""
+        self.pictures[name] = np.asarray(values)
 
     def keep(self, name: str, array: wp.array[Any] | NDArray[Any]) -> None:
         """Report an array that stays alive between frames. Nothing is copied here."""
@@ -169,7 +175,7 @@ class Method(ABC):
     deterministic: ClassVar[bool] = True
     """``False`` for a peer: receivers that change between repeats are counted, not an error."""
     view_dependent: ClassVar[bool] = False
-    """``True``: ``build()`` belongs to every frame."""
+    """``True``: ``build()`` belongs to every frame, whatever the parameters (see :meth:`is_view_dependent`)."""
     self_hit: ClassVar[str] = ""
     """For a method that traces rays: how it keeps a surface from shadowing itself (``plane``, ``offset``)."""
     counters: ClassVar[dict[str, str]] = {}
@@ -193,6 +199,10 @@ class Method(ABC):
     def supports(self, world: World, light: Light) -> str | None:
         """Return a reason to skip this scene and light, or ``None``."""
         return None
+
+    def is_view_dependent(self) -> bool:
+        """Return whether ``build()`` belongs to every frame, with these parameters."""
+        return self.view_dependent
 
     @abstractmethod
     def build(self, casters: Casters, light: Light, view: View, changes: Changes, trace: Trace) -> None:

@@ -8,7 +8,7 @@ told apart by readers with any kind of colour vision.
 from __future__ import annotations
 
 import io
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,9 @@ FAILURE_COLOURS: dict[str, tuple[int, int, int]] = {
     "classified": (204, 121, 167),
 }
 """Later ones are painted over earlier ones: peter-panning is false lit, acne is false shadow."""
+
+_HEAT = np.array([(68, 1, 84), (59, 82, 139), (33, 145, 140), (94, 201, 98), (253, 231, 37)], np.float64)
+"""Numbers from small to large: five colours of matplotlib's viridis, read alike with any kind of colour vision."""
 
 _SKY = np.array([0.22, 0.28, 0.38])
 _BOUNCE = np.array([0.16, 0.15, 0.13])
@@ -80,13 +83,17 @@ def to_srgb(linear: NDArray[np.float64]) -> Image8:
 
 def failure_picture(base: Image8, receivers: Receivers, masks: dict[str, Mask]) -> Image8:
     """Return the shaded picture in faded grey with the failing receivers painted on it."""
-    grey = base.astype(np.float64) @ [0.2126, 0.7152, 0.0722]
-    image = np.repeat((110.0 + 0.5 * grey)[..., None], 3, axis=2)
+    image = _faded(base)
     flat = image.reshape(-1, 3)
     for name, colour in FAILURE_COLOURS.items():
         if name in masks:
             flat[receivers.pixel[masks[name]]] = colour
     return image.astype(np.uint8)
+
+
+def _faded(base: Image8) -> NDArray[np.float64]:
+    grey = base.astype(np.float64) @ [0.2126, 0.7152, 0.0722]
+    return np.repeat((110.0 + 0.5 * grey)[..., None], 3, axis=2)
 
 
 def mask_picture(receivers: Receivers, mask: Mask) -> bytes:
@@ -96,6 +103,21 @@ def mask_picture(receivers: Receivers, mask: Mask) -> bytes:
     return _encoded(Image.fromarray(image.reshape(receivers.height, receivers.width)))
 
 
+def heat_picture(base: Image8, receivers: Receivers, values: NDArray[Any]) -> Image8:
+    """Return the shaded picture in faded grey with numbers painted on it, the darkest blue 1, yellow the largest.
+
+    A pixel of several receivers shows the largest number among them; 0 is not painted.
+    """
+    largest = np.zeros(receivers.width * receivers.height)
+    np.maximum.at(largest, receivers.pixel, values.astype(np.float64))
+    share = (largest - 1.0) / max(float(largest.max()) - 1.0, 1.0)
+    steps = np.linspace(0.0, 1.0, len(_HEAT))
+    painted = np.stack([np.interp(share, steps, _HEAT[:, channel]) for channel in range(3)], axis=1)
+    return np.where(
+        (largest > 0.0).reshape(base.shape[:2])[..., None], painted.reshape(base.shape), _faded(base)
+    ).astype(np.uint8)
+
+
 def case_pictures(
     world: World,
     light: Light,
@@ -103,8 +125,13 @@ def case_pictures(
     reference: Reference,
     visibility: NDArray[np.float32],
     masks: dict[str, Mask],
+    numbers: dict[str, NDArray[Any]] | None = None,
 ) -> dict[str, bytes]:
-    """Return a case's pictures as PNG by name: ``result``, ``reference``, ``failures`` and one ``mask-…`` a measure."""
+    """Return a case's pictures as PNG by name.
+
+    ``result``, ``reference``, ``failures``, one ``mask-…`` a measure, and one ``heat-…`` for each of the ``numbers``
+    that a method reports per receiver.
+    """
     result = shaded(world, light, receivers, visibility)
     exact = shaded(world, light, receivers, reference.visibility)
     pictures = {
@@ -114,6 +141,8 @@ def case_pictures(
     }
     for name, mask in masks.items():
         pictures[f"mask-{name.replace('_', '-')}"] = mask_picture(receivers, mask)
+    for name, values in (numbers or {}).items():
+        pictures[f"heat-{name.replace(' ', '-')}"] = _png(Image.fromarray(heat_picture(exact, receivers, values)))
     return pictures
 
 

@@ -1,10 +1,19 @@
 import io
+from dataclasses import replace
 
 import numpy as np
 from builders import SUN, box_over_ground, flat_receivers, stated_reference
 from PIL import Image
 
-from shadowbench.pictures import FAILURE_COLOURS, case_pictures, failure_picture, shaded, to_srgb, towards
+from shadowbench.pictures import (
+    FAILURE_COLOURS,
+    case_pictures,
+    failure_picture,
+    heat_picture,
+    shaded,
+    to_srgb,
+    towards,
+)
 from shadowbench.scene import PointLight
 
 
@@ -45,6 +54,27 @@ def test_failures_are_painted_in_their_colours_and_later_classes_win():
     assert image[0, 2, 0] == image[0, 2, 1] == image[0, 2, 2]
 
 
+def test_numbers_are_painted_from_the_darkest_to_the_brightest_and_nothing_where_they_are_0():
+    receivers = flat_receivers(8, 4)
+    base = np.full((4, 8, 3), 200, np.uint8)
+    values = np.arange(32) % 8
+    image = heat_picture(base, receivers, values).astype(int)
+    assert (image[:, 0] == 210).all()  # 110 + 200 / 2: faded grey
+    brightness = image @ [0.2126, 0.7152, 0.0722]
+    assert (np.diff(brightness[:, 1:], axis=1) > 0).all()
+    assert (image[:, 1] == (68, 1, 84)).all()
+    assert (image[:, 7] == (253, 231, 37)).all()
+    assert (heat_picture(base, receivers, np.ones(32))[..., 0] == 68).all()
+
+
+def test_a_pixel_of_several_receivers_shows_their_largest_number():
+    receivers = flat_receivers(4, 1)
+    twice = replace(receivers, pixel=np.array([0, 0, 1, 2], np.int32))
+    base = np.full((1, 4, 3), 200, np.uint8)
+    expected = heat_picture(base, receivers, np.array([5, 1, 3, 0]))
+    np.testing.assert_array_equal(heat_picture(base, twice, np.array([2, 5, 1, 3])), expected)
+
+
 def test_every_mask_comes_out_as_a_picture():
     receivers = flat_receivers(8, 4)
     truth = np.ones(32, np.float32)
@@ -54,3 +84,13 @@ def test_every_mask_comes_out_as_a_picture():
     shown = np.asarray(Image.open(io.BytesIO(pictures["mask-false-shadow"])))
     assert (shown.reshape(-1) == mask).all()
     assert pictures["result"] == pictures["reference"]
+
+
+def test_numbers_by_receiver_come_out_as_heat_maps():
+    receivers = flat_receivers(8, 4)
+    truth = np.ones(32, np.float32)
+    numbers = {"largest fill": np.arange(32)}
+    pictures = case_pictures(box_over_ground(), SUN, receivers, stated_reference(truth), truth, {}, numbers)
+    assert set(pictures) == {"result", "reference", "failures", "heat-largest-fill"}
+    shown = np.asarray(Image.open(io.BytesIO(pictures["heat-largest-fill"])))
+    assert tuple(shown[3, 7]) == (253, 231, 37)

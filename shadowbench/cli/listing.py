@@ -156,7 +156,7 @@ def _show_plugin(entry: Entry) -> None:
             ("self-hit rule", _self_hit(cls)),
             ("devices", ", ".join(sorted(cls.devices))),
             ("repeats", "the same bits every time" if cls.deterministic else "may differ; differences are counted"),
-            ("build", "belongs to every frame" if cls.view_dependent else "when the light or a caster moves"),
+            ("build", "belongs to every frame" if _is_view_dependent(cls) else "when the light or a caster moves"),
             ("here", f"not available: {reason}" if reason else "available"),
         ]
     _facts(facts)
@@ -170,13 +170,24 @@ def _show_plugin(entry: Entry) -> None:
 
 def _self_hit(cls: type[Any]) -> str:
     """Return the rule of a ray tracer, with the default parameters where it depends on them."""
+    method = _with_defaults(cls)
+    rule: str = cls.self_hit if method is None else method.self_hit_rule()
+    return rule
+
+
+def _is_view_dependent(cls: type[Any]) -> bool:
+    method = _with_defaults(cls)
+    return bool(cls.view_dependent if method is None else method.is_view_dependent())
+
+
+def _with_defaults(cls: type[Any]) -> Any:
+    """Return a method with the default parameters, or ``None`` if it cannot be made with them."""
     from shadowbench.method import Context
 
     try:
-        rule: str = cls(cls.Parameters(), Context()).self_hit_rule()
+        return cls(cls.Parameters(), Context())
     except Exception:  # noqa: BLE001 - a required parameter, or a plugin that needs more than that
-        rule = cls.self_hit
-    return rule
+        return None
 
 
 def _show_experiment(experiment: Experiment) -> None:

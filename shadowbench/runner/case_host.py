@@ -151,24 +151,32 @@ class CaseHost:
             pictures: A folder to write the pictures to.
 
         Raises:
-            InvalidResultError: A mask has not one value per receiver.
+            InvalidResultError: A mask or a picture has not one value per receiver.
         """
         assert self._method is not None
         peak = _peak_rss()
         trace = self._trace
         self._tell_phase("explain")
         self._method.explain(self._receivers, trace)
-        for name, mask in trace.masks.items():
-            if mask.shape != (self._receivers.count,):
-                raise InvalidResultError(
-                    f"mask '{name}' has shape {mask.shape}, not one value for each of {self._receivers.count} receivers"
-                )
+        for kind, arrays in (("mask", trace.masks), ("picture", trace.pictures)):
+            for name, values in arrays.items():
+                if values.shape != (self._receivers.count,):
+                    raise InvalidResultError(
+                        f"{kind} '{name}' has shape {values.shape}, "
+                        f"not one value for each of {self._receivers.count} receivers"
+                    )
         self._tell_phase("measure")
         visibility = self._visibility.numpy()
         visibility[~self._reference.in_field] = 0.0  # the light does not reach there, whatever the method wrote
         found = measure(self._world, self._receivers, self._reference, visibility, trace.masks)
         drawn = case_pictures(
-            self._world, self._light, self._receivers, self._reference, visibility, found.masks | trace.masks
+            self._world,
+            self._light,
+            self._receivers,
+            self._reference,
+            visibility,
+            found.masks | trace.masks,
+            trace.pictures,
         )
         drawn |= {f"picture-{name}": png(image) for name, image in trace.pictures.items()}
         files = {}
@@ -184,6 +192,7 @@ class CaseHost:
             "counters": trace.counters,
             "kept": trace.bytes_by_name(),
             "self_hit": self._method.self_hit_rule(),
+            "view_dependent": self._method.is_view_dependent(),
             "visibility_digest": self._first_digest,
             "peak_rss_bytes": peak,
             "warnings": self._warnings,

@@ -111,7 +111,7 @@ class Case:
         view: Scene, light, camera and size.
         method, method_title: The method's name and full name.
         method_parameters: All parameters, defaults included.
-        deterministic, view_dependent: As the method declares.
+        deterministic: As the method declares.
         device, threads: Where it runs.
         quality_key, case_key: What pixels, and what times depend on.
         libraries: Versions of what the method depends on beside Warp, by name; a peer's own, and its device.
@@ -125,7 +125,6 @@ class Case:
     method_title: str
     method_parameters: dict[str, Any]
     deterministic: bool
-    view_dependent: bool
     device: str
     threads: int
     quality_key: str

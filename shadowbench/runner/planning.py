@@ -214,7 +214,7 @@ class _Resolver:
         self._must_exist("method", method)
         described, broken = self._attempt("describe_method", name=method)
         if described is None:
-            described = {"title": method, "deterministic": True, "view_dependent": False, "code": "", "libraries": {}}
+            described = {"title": method, "deterministic": True, "code": "", "libraries": {}}
             parameters = values
         else:
             parameters, broken = self._attempt("resolve_method", name=method, values=values)
@@ -237,7 +237,6 @@ class _Resolver:
             method_title=described["title"],
             method_parameters=values if parameters is None else parameters,
             deterministic=described["deterministic"],
-            view_dependent=described["view_dependent"],
             device=self._options.device,
             threads=threads,
             quality_key=quality_key,

@@ -62,7 +62,6 @@ def describe_method(registry: Registry, name: str) -> dict[str, Any]:
         "title": method.title,
         "devices": sorted(method.devices),
         "deterministic": method.deterministic,
-        "view_dependent": method.view_dependent,
         "code": code_digest(method.__module__),
         "libraries": method.library_versions() if unavailable is None else {},
         "unavailable": unavailable,

@@ -83,7 +83,7 @@ def measured_row(
         artifacts: Names of the kept pictures.
     """
     columns = _common(case, run) | measured["columns"]
-    intervals = timing.intervals(camera, view_dependent=case.view_dependent)
+    intervals = timing.intervals(camera, view_dependent=measured["view_dependent"])
     for name, interval in intervals.items():
         columns[f"{name}_ms"] = interval.median
         columns[f"{name}_ms_low"] = interval.low

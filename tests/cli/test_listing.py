@@ -58,6 +58,14 @@ def test_method_is_shown_with_what_it_declares(command: Command) -> None:
         assert expected in out
 
 
+def test_a_method_says_when_it_builds(command: Command, tmp_path: Path) -> None:
+    path = tmp_path / "watchful.py"
+    watching = BROKEN_METHOD.replace("    def build(", "    def is_view_dependent(self): return True\n\n    def build(")
+    path.write_text(watching, encoding="utf-8")
+    assert "belongs to every frame" in command("show", "picky", "--plugin", str(path)).out
+    assert "when the light or a caster moves" in command("show", "shadow-map").out
+
+
 def test_plugin_from_a_file_is_shown(command: Command, plugin: str) -> None:
     out = command("show", "picky", "--plugin", plugin).out
     assert "A method whose availability test fails." in out

@@ -29,7 +29,7 @@ VIEW = View("box-on-plane", {"height": 0.5}, "", "", 12, "sun", "main", 64, 48)
 
 
 def case(method: str = "pcf", **parameters: Any) -> Case:
-    return Case("quick", 0, VIEW, method, method, parameters, True, False, "cpu", 2, "", method + str(parameters))
+    return Case("quick", 0, VIEW, method, method, parameters, True, "cpu", 2, "", method + str(parameters))
 
 
 class FakeRunner:

@@ -180,6 +180,13 @@ class WrongMask(_Lit):
         trace.mask("classified", np.ones(3))
 
 
+class WrongPicture(_Lit):
+    name = "wrong-picture"
+
+    def explain(self, receivers, trace):
+        trace.picture("heat", np.ones((receivers.count, 2)))
+
+
 class Unsupporting(_Lit):
     name = "unsupporting"
 
@@ -198,6 +205,19 @@ class Unavailable(_Lit):
 class CudaOnly(_Lit):
     name = "cuda-only"
     devices = frozenset({"cuda"})
+
+
+class Watchful(_Lit):
+    name = "watchful"
+
+    class Parameters(ParameterModel):
+        every_frame: bool = parameter(False, unit="1", help="Whether it builds for every frame.")
+
+    def is_view_dependent(self):
+        return self.parameters.every_frame
+
+    def explain(self, receivers, trace):
+        trace.picture("left to right", receivers.pixel % receivers.width)
 
 
 class Good(_Lit):

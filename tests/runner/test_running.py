@@ -57,6 +57,20 @@ def test_a_row_says_what_was_measured(measure: Measure, tmp_path: Path) -> None:
     assert exact.visibility_digest != shifted.visibility_digest
 
 
+def test_building_belongs_to_every_frame_where_the_parameters_make_it_so(measure: Measure) -> None:
+    rarely, always = measure("watchful:every_frame=false/true").rows
+    assert always.static_frame_ms == always.dynamic_frame_ms
+    shading = np.add(rarely.samples["camera"], rarely.samples["shade"])
+    assert rarely.static_frame_ms == pytest.approx(np.median(shading))
+    assert rarely.dynamic_frame_ms == pytest.approx(np.median(shading + rarely.samples["build"]))
+
+
+def test_a_picture_of_numbers_is_kept_beside_the_others(measure: Measure, tmp_path: Path) -> None:
+    (row,) = measure("watchful").rows
+    with Store.open(tmp_path, create=False) as store:
+        assert store.artifact(row.artifacts["heat-left-to-right"]).startswith(b"\x89PNG")
+
+
 def test_the_same_plan_again_measures_nothing_and_fresh_measures_all(measure: Measure) -> None:
     first = measure("formula")
     second = measure("formula")
