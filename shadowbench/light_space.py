@@ -174,7 +174,7 @@ def light_frames(light: Light, world: World) -> tuple[Frame, ...]:
     match light:
         case DirectionalLight():
             axes = axes_of(np.negative(light.direction))
-            low, high = _bounds_along(axes, world.vertices)
+            low, high = bounds_along(axes, world.vertices)
             return (orthographic_frame(axes[2], low, high, axes),)
         case SpotLight():
             axes = axes_of(light.direction)
@@ -228,7 +228,8 @@ def camera_frame(camera: Camera, width: int, height: int, world: World) -> Frame
     return perspective_frame(camera.eye, axes, tangents, near, far)
 
 
-def _bounds_along(axes: tuple[Array, Array, Array], vertices: NDArray[np.float32]) -> tuple[Array, Array]:
+def bounds_along(axes: tuple[Array, Array, Array], vertices: NDArray[np.floating]) -> tuple[Array, Array]:
+    """Return the low and high corner, along the axes, of a window with a margin round all vertices [n, 3]."""
     points = vertices.astype(np.float64)
     low, high = np.empty(3), np.empty(3)
     for row, axis in enumerate(axes):

@@ -183,6 +183,10 @@ class World:
 
     def bounds(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Return the lowest and highest coordinates, shape [3] each."""
+        return self._bounds
+
+    @functools.cached_property
+    def _bounds(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         return bounds_of(self.vertices)
 
     def diagonal(self) -> float:
