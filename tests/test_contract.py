@@ -34,6 +34,9 @@ def test_a_method_keeps_the_contract(name: str) -> None:
         ("pcf", {"filter": "gauss", "kernel": 7}),
         ("pcf", {"filter": "box", "kernel": 8, "receiver_plane": True}),
         ("ray-traced", {"self_hit": "offset"}),
+        ("instanced", {"candidates": "z-fail", "skip_other_test": True, "resolution": 37}),
+        ("instanced", {"sizing": "importance"}),
+        ("instanced", {"application": "all-maps", "slope_bias": 0.0}),
     ],
 )
 def test_a_method_keeps_the_contract_with_other_parameters(name: str, values: dict[str, Any]) -> None:

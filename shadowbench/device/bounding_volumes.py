@@ -27,7 +27,8 @@ import warp as wp
 from numpy.typing import NDArray
 
 from shadowbench.device.arrays import as_warp
-from shadowbench.device.bounding_volumes_kernels import MOST_LINES, MOST_PLANES, Boxes, Picture, outline_volumes
+from shadowbench.device.bounding_volume_geometry import MOST_PLANES
+from shadowbench.device.bounding_volumes_kernels import MOST_LINES, Boxes, Picture, outline_volumes
 from shadowbench.device.launch import Context, launch, synchronize
 from shadowbench.device.visibility import ULP, plane_tolerance
 from shadowbench.light_space import Frame

@@ -1,29 +1,40 @@
-"""Bounding shadow volumes: the planes that hold a box's shadow, and the outline of that shadow in the picture.
+"""Kernels of bounding shadow volumes: their planes in the order of the tests, and their outlines in a picture.
 
-Everything is worked out in *box space*, where the box is axis-aligned, the light is a homogeneous point (position, 1)
-or (direction towards it, 0), and all formulas are per axis; affine maps keep sides, orders and incidences, so what
-holds there holds in the world. The host side, with the definitions, is :mod:`shadowbench.device.bounding_volumes`.
-
-A *state* says where the light is along each axis: 1 beyond the high face, -1 beyond the low face, 0 between them. A
-face is *lit* if the light is beyond it. A box edge lies along one axis, on one side of the next and one side of the one
-after; it is a *silhouette* edge if exactly one of its two faces is lit.
+The geometry, in box space, is :mod:`shadowbench.device.bounding_volume_geometry`; the host side, with the definitions,
+:mod:`shadowbench.device.bounding_volumes`.
 """
 
 import warp as wp
 
+from shadowbench.device.bounding_volume_geometry import (
+    MOST_VOLUME_PLANES,
+    Box,
+    away_from_light,
+    centre_of,
+    distance_outside,
+    edge_end,
+    edge_sides,
+    face_at,
+    face_is_front,
+    face_plane,
+    height_over,
+    is_given,
+    is_lit,
+    is_silhouette,
+    light_state,
+    side_is_front,
+    volume_plane,
+    world_plane,
+)
 from shadowbench.device.launch import kernel_options
 
-# loops over a box's edges stay loops: unrolled, they take the compiler a minute
 wp.set_module_options({**kernel_options(native=True), "max_unroll": 1})
-
-MOST_PLANES = wp.constant(9)
-"""Three lit faces and six silhouette edges."""
-
-MOST_VOLUME_PLANES = wp.constant(15)
-"""Planes there may be in a volume, of which at most :data:`MOST_PLANES` are."""
 
 MOST_LINES = wp.constant(24)
 """More than the edges that a volume's outline can have, which passes each of its vertices once."""
+
+MOST_EDGES = wp.constant(32)
+"""A volume's, where it is drawn: 12 of the box and of its image, and 8 from the one to the other."""
 
 _MOST_CORNERS = wp.constant(32)
 """Of the picture's rectangle after it was cut by every line."""
@@ -82,178 +93,6 @@ class Picture:
     is_unknown: wp.bool
 
 
-@wp.struct
-class Box:
-    """One box in box space, its image where the shadow ends, and the eye there."""
-
-    low: wp.vec3d
-    high: wp.vec3d
-    far_low: wp.vec3d
-    far_high: wp.vec3d
-    light: wp.vec4d
-    state: wp.vec3i
-    eye: wp.vec3d
-
-
-@wp.func
-def light_state(low: wp.vec3d, high: wp.vec3d, light: wp.vec4d):
-    state = wp.vec3i(0, 0, 0)
-    for axis in range(3):
-        if light[axis] > high[axis] * light[3]:
-            state[axis] = 1
-        elif light[axis] < low[axis] * light[3]:
-            state[axis] = -1
-    return state
-
-
-@wp.func
-def face_at(box: Box, axis: wp.int32, side: wp.int32):
-    """Coordinate of a face along its axis."""
-    return wp.where(side > 0, box.high[axis], box.low[axis])
-
-
-@wp.func
-def far_face_at(box: Box, axis: wp.int32, side: wp.int32):
-    """Coordinate of a face of the image along its axis."""
-    return wp.where(side > 0, box.far_high[axis], box.far_low[axis])
-
-
-@wp.func
-def is_lit(box: Box, axis: wp.int32, side: wp.int32):
-    return box.state[axis] == side
-
-
-@wp.func
-def edge_sides(edge: wp.int32):
-    """Axis, and sides along the next two axes, of edge 0 ... 11."""
-    return wp.vec3i(edge // 4, 2 * (edge % 2) - 1, 2 * (edge // 2 % 2) - 1)
-
-
-@wp.func
-def is_silhouette(box: Box, edge: wp.vec3i):
-    first = is_lit(box, (edge[0] + 1) % 3, edge[1])
-    second = is_lit(box, (edge[0] + 2) % 3, edge[2])
-    return first != second
-
-
-@wp.func
-def edge_end(box: Box, edge: wp.vec3i, side: wp.int32):
-    """The vertex at one end of an edge."""
-    p = wp.vec3d()
-    p[edge[0]] = face_at(box, edge[0], side)
-    p[(edge[0] + 1) % 3] = face_at(box, (edge[0] + 1) % 3, edge[1])
-    p[(edge[0] + 2) % 3] = face_at(box, (edge[0] + 2) % 3, edge[2])
-    return p
-
-
-@wp.func
-def far_edge_end(box: Box, edge: wp.vec3i, side: wp.int32):
-    """The same of the image."""
-    p = wp.vec3d()
-    p[edge[0]] = far_face_at(box, edge[0], side)
-    p[(edge[0] + 1) % 3] = far_face_at(box, (edge[0] + 1) % 3, edge[1])
-    p[(edge[0] + 2) % 3] = far_face_at(box, (edge[0] + 2) % 3, edge[2])
-    return p
-
-
-@wp.func
-def centre_of(box: Box):
-    return wp.float64(0.5) * (box.low + box.high)
-
-
-@wp.func
-def away_from_light(box: Box, p: wp.vec3d):
-    """Direction in which the shadow of a point runs."""
-    light = wp.vec3d(box.light[0], box.light[1], box.light[2])
-    return p * box.light[3] - light
-
-
-@wp.func
-def face_plane(axis: wp.int32, side: wp.int32, coordinate: wp.float64):
-    """Plane (n, c) of a face: n·x <= c on the box's side of it."""
-    plane = wp.vec4d()
-    plane[axis] = wp.float64(side)
-    plane[3] = wp.float64(side) * coordinate
-    return plane
-
-
-@wp.func
-def side_plane(box: Box, edge: wp.vec3i):
-    """Plane (n, c) through a silhouette edge and the light: n·x <= c on the box's side."""
-    p = edge_end(box, edge, 1)
-    along = wp.vec3d()
-    along[edge[0]] = wp.float64(1.0)
-    n = wp.cross(along, away_from_light(box, p))
-    n[edge[0]] = wp.float64(0.0)
-    c = wp.dot(n, p)
-    if wp.dot(n, centre_of(box)) > c:
-        n = -n
-        c = -c
-    return wp.vec4d(n[0], n[1], n[2], c)
-
-
-@wp.func
-def height_over(plane: wp.vec4d, p: wp.vec3d):
-    """How far a point lies outside a plane, in lengths of its normal."""
-    return plane[0] * p[0] + plane[1] * p[1] + plane[2] * p[2] - plane[3]
-
-
-@wp.func
-def face_is_front(box: Box, axis: wp.int32, side: wp.int32):
-    """Whether a lit face is turned to the eye."""
-    return height_over(face_plane(axis, side, face_at(box, axis, side)), box.eye) > wp.float64(0.0)
-
-
-@wp.func
-def far_face_is_front(box: Box, axis: wp.int32, side: wp.int32):
-    """Whether a face of the image is turned to the eye."""
-    return height_over(face_plane(axis, side, far_face_at(box, axis, side)), box.eye) > wp.float64(0.0)
-
-
-@wp.func
-def side_is_front(box: Box, edge: wp.vec3i):
-    """Whether the plane through a silhouette edge is turned to the eye."""
-    return height_over(side_plane(box, edge), box.eye) > wp.float64(0.0)
-
-
-@wp.func
-def volume_plane(box: Box, number: wp.int32):
-    """Plane (n, c) of the volume: 0 ... 2 are of lit faces, 3 ... 14 of silhouette edges; n is 0 if there is none."""
-    plane = wp.vec4d()
-    if number < 3:
-        side = box.state[number]
-        if side != 0:
-            plane = face_plane(number, side, face_at(box, number, side))
-    else:
-        edge = edge_sides(number - 3)
-        if is_silhouette(box, edge):
-            plane = side_plane(box, edge)
-    return plane
-
-
-@wp.func
-def is_given(plane: wp.vec4d):
-    zero = wp.float64(0.0)
-    return plane[0] != zero or plane[1] != zero or plane[2] != zero
-
-
-@wp.func
-def world_plane(plane: wp.vec4d, box_from_world: wp.mat33d, origin: wp.vec3d):
-    """A plane of box space in the world: (n, -c) with n of length 1, so that its value is a distance."""
-    n = wp.transpose(box_from_world) * wp.vec3d(plane[0], plane[1], plane[2])
-    length = wp.length(n)
-    return wp.vec4d(n[0], n[1], n[2], -(plane[3] + wp.dot(n, origin))) / length
-
-
-@wp.func
-def distance_outside(plane: wp.vec4d, p: wp.vec3d):
-    """Distance of a world point outside of a world plane; negative inside."""
-    return plane[0] * p[0] + plane[1] * p[1] + plane[2] * p[2] + plane[3]
-
-
-# --- outline
-
-
 @wp.func
 def outline_normal(box: Box, u: wp.vec3d, v: wp.vec3d):
     """Normal of the plane through the eye that holds directions u and v, towards the box; 0 if they are too close."""
@@ -296,48 +135,29 @@ def cut_polygon(line: wp.vec3d, corners: wp.array[wp.vec2d], count: wp.int32, sc
 
 
 @wp.func
-def box_edge_normal(box: Box, edge: wp.vec3i):
-    """As :func:`outline_edge`, for an edge of the box: between two lit faces, or a lit one and the side's plane."""
+def edge_normal(box: Box, low: wp.vec3d, high: wp.vec3d, lit: wp.bool, edge: wp.vec3i):
+    """As :func:`outline_edge`, for an edge of the box, whose lit faces bound the volume, or of its image (unlit ones).
+
+    It lies between two such faces, or between one and the plane of the silhouette edge.
+    """
+    n = wp.vec3d()
     first = (edge[0] + 1) % 3
     second = (edge[0] + 2) % 3
-    first_is_front = wp.bool(False)
-    second_is_front = wp.bool(False)
-    if is_lit(box, first, edge[1]) or is_lit(box, second, edge[2]):
-        if is_silhouette(box, edge):
-            first_is_front = side_is_front(box, edge)
-            if is_lit(box, first, edge[1]):
-                second_is_front = face_is_front(box, first, edge[1])
-            else:
-                second_is_front = face_is_front(box, second, edge[2])
+    first_bounds = is_lit(box, first, edge[1]) == lit
+    second_bounds = is_lit(box, second, edge[2]) == lit
+    if first_bounds or second_bounds:
+        first_is_front = wp.bool(False)
+        second_is_front = wp.bool(False)
+        if first_bounds:
+            first_is_front = face_is_front(box, low, high, first, edge[1])
         else:
-            first_is_front = face_is_front(box, first, edge[1])
-            second_is_front = face_is_front(box, second, edge[2])
-    n = wp.vec3d()
-    if first_is_front != second_is_front:
-        n = outline_normal(box, edge_end(box, edge, -1) - box.eye, edge_end(box, edge, 1) - box.eye)
-    return n
-
-
-@wp.func
-def far_edge_normal(box: Box, edge: wp.vec3i):
-    """As :func:`outline_edge`, for an edge of the image: between two unlit faces, or an unlit one and the side's."""
-    first = (edge[0] + 1) % 3
-    second = (edge[0] + 2) % 3
-    first_is_front = wp.bool(False)
-    second_is_front = wp.bool(False)
-    if not is_lit(box, first, edge[1]) or not is_lit(box, second, edge[2]):
-        if is_silhouette(box, edge):
             first_is_front = side_is_front(box, edge)
-            if is_lit(box, first, edge[1]):
-                second_is_front = far_face_is_front(box, second, edge[2])
-            else:
-                second_is_front = far_face_is_front(box, first, edge[1])
+        if second_bounds:
+            second_is_front = face_is_front(box, low, high, second, edge[2])
         else:
-            first_is_front = far_face_is_front(box, first, edge[1])
-            second_is_front = far_face_is_front(box, second, edge[2])
-    n = wp.vec3d()
-    if first_is_front != second_is_front:
-        n = outline_normal(box, far_edge_end(box, edge, -1) - box.eye, far_edge_end(box, edge, 1) - box.eye)
+            second_is_front = side_is_front(box, edge)
+        if first_is_front != second_is_front:
+            n = outline_normal(box, edge_end(low, high, edge, -1) - box.eye, edge_end(low, high, edge, 1) - box.eye)
     return n
 
 
@@ -354,7 +174,7 @@ def ray_normal(box: Box, sides: wp.vec3i):
                 fronts += 1
     n = wp.vec3d()
     if meeting == 2 and fronts == 1:
-        p = edge_end(box, wp.vec3i(0, sides[1], sides[2]), sides[0])
+        p = edge_end(box.low, box.high, wp.vec3i(0, sides[1], sides[2]), sides[0])
         n = outline_normal(box, p - box.eye, away_from_light(box, p))
     return n
 
@@ -367,9 +187,9 @@ def outline_edge(box: Box, number: wp.int32):
     """
     n = wp.vec3d()
     if number < 12:
-        n = box_edge_normal(box, edge_sides(number))
+        n = edge_normal(box, box.low, box.high, True, edge_sides(number))
     elif number < 24:
-        n = far_edge_normal(box, edge_sides(number - 12))
+        n = edge_normal(box, box.far_low, box.far_high, False, edge_sides(number - 12))
     else:
         n = ray_normal(box, wp.vec3i(2 * (number % 2) - 1, 2 * (number // 2 % 2) - 1, 2 * (number // 4 % 2) - 1))
     return n
@@ -387,11 +207,100 @@ def is_eye_within(box: Box, box_from_world: wp.mat33d, origin: wp.vec3d, eye: wp
             axis = (number - MOST_VOLUME_PLANES) % 3
             side = 1 - 2 * ((number - MOST_VOLUME_PLANES) // 3)
             if not is_lit(box, axis, side):
-                plane = face_plane(axis, side, far_face_at(box, axis, side))
+                plane = face_plane(axis, side, face_at(box.far_low, box.far_high, axis, side))
         if is_given(plane):
             if distance_outside(world_plane(plane, box_from_world, origin), eye) > near_miss:
                 is_within = False
     return is_within
+
+
+@wp.func
+def order_planes(
+    boxes: Boxes,
+    c: wp.int32,
+    box: Box,
+    covers_all: wp.bool,
+    exits_first: wp.bool,
+    # outputs
+    planes: wp.array2d[wp.vec4d],
+):
+    """Store a volume's planes; return how many lead, and how many there are.
+
+    The entry test of z-pass is against the planes turned to the eye, all of them: of the points where a ray crosses
+    them it enters the volume at the last, which is on the face that a rasteriser would draw there. The exit test is
+    against the others; where the eye is inside there are no others.
+    """
+    leading = wp.int32(0)
+    count = wp.int32(0)
+    for group in range(2):
+        for number in range(MOST_VOLUME_PLANES):
+            plane = volume_plane(box, number)
+            if is_given(plane):
+                is_front = height_over(plane, box.eye) > wp.float64(0.0)
+                leads = covers_all or is_front != exits_first
+                if leads == (group == 0):
+                    if number < 3:
+                        inner = wp.where(box.state[number] > 0, boxes.lit_high[c], boxes.lit_low[c])
+                        plane = face_plane(number, box.state[number], inner[number])
+                    planes[c, count] = world_plane(plane, boxes.box_from_world[c], boxes.origin[c])
+                    count += 1
+        if group == 0:
+            leading = count
+    return wp.vec2i(leading, count)
+
+
+@wp.func
+def draw_outline(
+    picture: Picture,
+    box_from_world: wp.mat33d,
+    c: wp.int32,
+    box: Box,
+    covers_all: wp.bool,
+    # outputs
+    lines: wp.array2d[wp.vec3d],
+    line_counts: wp.array[wp.int32],
+    rows: wp.array[wp.vec2i],
+    areas: wp.array[wp.float32],
+):
+    """Store a volume's outline: its lines, and what the picture's rectangle becomes when it is cut by all of them."""
+    zero = wp.float64(0.0)
+    right = wp.float64(picture.width - 1)
+    bottom = wp.float64(picture.height - 1)
+    corners = wp.zeros(shape=(_MOST_CORNERS,), dtype=wp.vec2d)
+    scratch = wp.zeros(shape=(_MOST_CORNERS,), dtype=wp.vec2d)
+    corners[0] = wp.vec2d(zero, zero)
+    corners[1] = wp.vec2d(right, zero)
+    corners[2] = wp.vec2d(right, bottom)
+    corners[3] = wp.vec2d(zero, bottom)
+    corner_count = wp.int32(4)
+    line_count = wp.int32(0)
+    if not covers_all:
+        for number in range(MOST_EDGES):
+            n = outline_edge(box, number)
+            if wp.length_sq(n) > zero and line_count < MOST_LINES and corner_count > 0:
+                line = picture_line(picture, box_from_world, n)
+                corner_count = cut_polygon(line, corners, corner_count, scratch)
+                size = wp.abs(line[0])
+                if size > wp.float64(1.0e-12) * wp.abs(line[1]):  # one along the rows says nothing about columns
+                    lines[c, line_count] = wp.vec3d(wp.sign(line[0]), line[1] / size, line[2] / size)
+                    line_count += 1
+    line_counts[c] = line_count
+
+    top = bottom
+    end = zero
+    area = zero
+    for k in range(corner_count):
+        p = corners[k]
+        q = corners[(k + 1) % corner_count]
+        top = wp.min(top, p[1])
+        end = wp.max(end, p[1])
+        area += wp.float64(0.5) * (p[0] * q[1] - q[0] * p[1])
+    drawn = wp.vec2i(0, 0)
+    if corner_count > 0:
+        drawn = wp.vec2i(wp.int32(wp.floor(top)), wp.int32(wp.ceil(end)) + 1)
+    rows[c] = drawn
+    # as many more pixels as there are rows, since the polygon runs through the centres of those on its border
+    areas[c] = wp.float32(wp.abs(area)) + wp.float32(drawn[1] - drawn[0])
 
 
 @wp.kernel
@@ -423,80 +332,22 @@ def outline_volumes(
         areas: Pixels within each outline, about.
     """
     c = wp.tid() + first
-    zero = wp.float64(0.0)
-    to_box = boxes.box_from_world[c]
+    box_from_world = boxes.box_from_world[c]
     box = Box()
     box.low = boxes.low[c]
     box.high = boxes.high[c]
     box.light = boxes.light[c]
     box.state = light_state(box.low, box.high, box.light)
-    box.eye = to_box * (picture.eye - boxes.origin[c])
+    box.eye = box_from_world * (picture.eye - boxes.origin[c])
 
     reach = boxes.reach[c]
     covers_all = picture.is_unknown or not wp.isfinite(reach)
     if not covers_all:
         box.far_low = box.low + reach * away_from_light(box, box.low)
         box.far_high = box.high + reach * away_from_light(box, box.high)
-        covers_all = is_eye_within(box, to_box, boxes.origin[c], picture.eye, picture.near_miss)
-
-    # The entry test of z-pass is against the planes turned to the eye, all of them: of the points where a ray crosses
-    # them it enters the volume at the last, which is on the face that a rasteriser would draw there. The exit test is
-    # against the others; where the eye is inside there are no others.
-    count = wp.int32(0)
-    leading = wp.int32(0)
-    for group in range(2):
-        for number in range(MOST_VOLUME_PLANES):
-            plane = volume_plane(box, number)
-            if is_given(plane):
-                is_front = height_over(plane, box.eye) > zero
-                leads = covers_all or is_front != exits_first
-                if leads == (group == 0):
-                    if number < 3:
-                        inner = wp.where(box.state[number] > 0, boxes.lit_high[c], boxes.lit_low[c])
-                        plane = face_plane(number, box.state[number], inner[number])
-                    planes[c, count] = world_plane(plane, to_box, boxes.origin[c])
-                    count += 1
-        if group == 0:
-            leading = count
-    plane_counts[c] = wp.vec2i(leading, count)
-
-    corners = wp.zeros(shape=(_MOST_CORNERS,), dtype=wp.vec2d)
-    scratch = wp.zeros(shape=(_MOST_CORNERS,), dtype=wp.vec2d)
-    right = wp.float64(picture.width - 1)
-    bottom = wp.float64(picture.height - 1)
-    corners[0] = wp.vec2d(zero, zero)
-    corners[1] = wp.vec2d(right, zero)
-    corners[2] = wp.vec2d(right, bottom)
-    corners[3] = wp.vec2d(zero, bottom)
-    corner_count = wp.int32(4)
-    line_count = wp.int32(0)
-    if not covers_all:
-        for number in range(32):
-            n = outline_edge(box, number)
-            if wp.length_sq(n) > zero and line_count < MOST_LINES and corner_count > 0:
-                line = picture_line(picture, to_box, n)
-                corner_count = cut_polygon(line, corners, corner_count, scratch)
-                # a line along the rows says nothing about columns
-                if wp.abs(line[0]) > wp.float64(1.0e-12) * wp.abs(line[1]):
-                    size = wp.abs(line[0])
-                    lines[c, line_count] = wp.vec3d(wp.sign(line[0]), line[1] / size, line[2] / size)
-                    line_count += 1
-    line_counts[c] = line_count
-
-    top = bottom + wp.float64(1.0)
-    end = wp.float64(-1.0)
-    area = zero
-    for k in range(corner_count):
-        p = corners[k]
-        q = corners[(k + 1) % corner_count]
-        top = wp.min(top, p[1])
-        end = wp.max(end, p[1])
-        area += wp.float64(0.5) * (p[0] * q[1] - q[0] * p[1])
-    rows[c] = wp.vec2i(0, 0)
-    areas[c] = wp.float32(0.0)
-    if corner_count > 0:
-        rows[c] = wp.vec2i(wp.int32(wp.floor(top)), wp.int32(wp.ceil(end)) + 1)
-        areas[c] = wp.float32(wp.abs(area)) + wp.float32(rows[c][1] - rows[c][0])
+        covers_all = is_eye_within(box, box_from_world, boxes.origin[c], picture.eye, picture.near_miss)
+    plane_counts[c] = order_planes(boxes, c, box, covers_all, exits_first, planes)
+    draw_outline(picture, box_from_world, c, box, covers_all, lines, line_counts, rows, areas)
 
 
 @wp.func
