@@ -11,10 +11,10 @@ maps of fixed angles, ``step`` degrees apart:
 * ``interpolated-result`` compares with both maps and blends the answers, which shows as two faint shadows.
 * ``nearest`` takes the nearer map; ``exact`` draws a map for every angle that occurs.
 
-Angles are those the scene states, of any axis, and are taken for a step if within 1e-4 degrees of it. Instances are
-assumed to turn about an axis of their own: maps are shared among equal axes. Under a spot or point light each instance
-sees the light from elsewhere and has a map of its own, fitted like the others, whatever ``rotation`` says; under a
-point light one for each of the light's faces that it reaches into.
+Angles are those that the scene states, and are taken for a step if within 1e-4 degrees of it. An instance may turn
+about any axis; it shares maps with those that turn about the same. Under a spot or point light each instance sees the
+light from elsewhere and has a map of its own, fitted like the others, whatever ``rotation`` says; under a point light
+one for each of the light's faces that it reaches into.
 
 Maps are applied one by one. A caster's *bounding shadow volume*, its box and what that hides from the light, is
 rasterised over the picture; receivers within are its *candidates*, and only they are looked up. ``candidates`` says
@@ -49,7 +49,7 @@ from pydantic import field_validator
 from shadowbench.depth_map_method import DepthMapParameters
 from shadowbench.device.arrays import as_warp
 from shadowbench.device.bounding_volumes import BoundingVolumes, OrientedBoxes
-from shadowbench.device.launch import Context, launch
+from shadowbench.device.launch import launch
 from shadowbench.errors import ParameterError
 from shadowbench.method import Changes, Method, Trace, View
 from shadowbench.methods.instanced import angles, kernels
@@ -130,13 +130,6 @@ class Instanced(Method):
     _view: View
     _pairs: Pairs | None = None
 
-    def __init__(self, parameters: InstancedParameters, context: Context) -> None:
-        super().__init__(parameters, context)
-        self._meshes = CasterMeshes(context.device)
-        self._drawer = CasterMapDrawer(self._meshes, parameters.slope_bias, context)
-        self._no_counts = wp.empty(0, dtype=wp.int32, device=context.device)
-        self._overdraw = self._no_counts
-
     def is_view_dependent(self) -> bool:
         return self.parameters.sizing == "importance"
 
@@ -147,6 +140,11 @@ class Instanced(Method):
 
     def build(self, casters: Casters, light: Light, view: View, changes: Changes, trace: Trace) -> None:
         self._view = view
+        if self._pairs is None:
+            self._meshes = CasterMeshes(self.context.device)
+            self._drawer = CasterMapDrawer(self._meshes, self.parameters.slope_bias, self.context)
+            self._no_counts = wp.empty(0, dtype=wp.int32, device=self.context.device)
+            self._overdraw = self._no_counts
         drawn: list[MapRequest] = []
         with trace.stage("casters"):
             moved = changes.light or bool(changes.instances) or self._pairs is None

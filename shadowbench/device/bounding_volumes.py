@@ -183,7 +183,10 @@ def _reach(
         nearest: Distance at least so far from the light to each box; for a direction, its length.
         world: Gives the bounds.
     """
-    low, high = (bound.astype(np.float64) for bound in world.bounds())
+    rounding = ROUNDING_ULPS * ULP * world.scale
+    low, high = (
+        bound.astype(np.float64) + side * rounding for bound, side in zip(world.bounds(), (-1, 1), strict=True)
+    )
     extent = boxes.reach()
     nearer, farther = boxes.centre - extent, boxes.centre + extent
     steps = np.full(len(boxes), np.inf)
@@ -225,6 +228,7 @@ def _are_seen_through(frame: Frame, receivers: Receivers) -> bool:
     if frame.near is None or len(receivers) == 0:
         return False
     probes = np.linspace(0, len(receivers) - 1, _PROBES).astype(np.int64)
+    probes = probes[receivers.valid[probes]]  # others may have no surface point
     u, v, _, w = frame.project(receivers.position[probes]).T
     pixel = receivers.pixel[probes]
     across = np.abs(u * receivers.width - 0.5 - pixel % receivers.width)

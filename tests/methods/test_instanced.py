@@ -104,6 +104,23 @@ def test_failures_fall_with_the_resolution():
     assert failures[0] > 2.0 * failures[1] > 4.0 * failures[2]
 
 
+@pytest.mark.parametrize("light", ["sun", "lamp"])
+def test_a_world_far_from_the_origin_has_the_shadows_it_has_at_the_origin(light):
+    shift = np.array((2.0**20, 2.0**22, -(2.0**21)))
+    instances = [turned(20.0, x=-1.0, z=0.25), turned(75.0, x=1.0)]
+    near = world_of_instances(POST, instances)
+    lamp = PointLight(tuple(shift + LIGHTS["lamp"].position))
+    moved = tuple(replace(i, translation=tuple(shift + i.translation)) for i in (Instance(0, casts=False), *instances))
+    camera = replace(CAMERA, eye=tuple(shift + CAMERA.eye), target=tuple(shift + CAMERA.target))
+    far = place(Scene(near.meshes, moved, LIGHTS | {"lamp": lamp}, {"front": camera}))
+    assert far.origin == tuple(shift)
+    for values in ({}, {"rotation": "exact", "resolution": 128}):
+        here, trace = result(near, seen(near), light, **values)
+        there, other = result(far, seen(far), light, **values)
+        np.testing.assert_array_equal(here, there)
+        assert trace.counters == other.counters
+
+
 def test_a_light_among_the_casters_shadows_by_every_face_it_reaches():
     """A lamp within the object's box: its six maps share the object out."""
     legs = [box((x, 0.0, z), (x + 0.2, 1.5, z + 0.2)) for x in (-0.8, 0.6) for z in (-0.8, 0.6)]
