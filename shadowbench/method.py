@@ -86,7 +86,7 @@ class Trace:
         stages: Stage name to duration [ms], in order of first use; a stage entered twice adds up.
         counters: Counter name to value. Counters are machine-independent and gated exactly.
         masks: Mask name to bool per receiver.
-        pictures: Picture name to a number per receiver.
+        heats: Picture name to a number per receiver.
         kept: Array name to the array that stays alive between frames (memory, and pictures for the report).
         kept_bytes: Name to bytes that stay alive without being an array.
         pictures: Picture name to 8-bit sRGB, shape [height, width, 3].
@@ -96,7 +96,7 @@ class Trace:
     stages: dict[str, float] = field(default_factory=dict)
     counters: dict[str, int] = field(default_factory=dict)
     masks: dict[str, NDArray[np.bool_]] = field(default_factory=dict)
-    pictures: dict[str, NDArray[Any]] = field(default_factory=dict)
+    heats: dict[str, NDArray[Any]] = field(default_factory=dict)
     kept: dict[str, Any] = field(default_factory=dict)
     kept_bytes: dict[str, int] = field(default_factory=dict)
     pictures: dict[str, NDArray[np.uint8]] = field(default_factory=dict)
@@ -119,9 +119,9 @@ class Trace:
         """Report receivers by a test of the method's own, e.g. ``classified``; shape [receiver_count]."""
         self.masks[name] = np.asarray(values).astype(bool)
 
-    def picture(self, name: str, values: NDArray[Any]) -> None:
+    def heat(self, name: str, values: NDArray[Any]) -> None:
         """Report a number per receiver, 0 or more, to be seen as a heat map; shape [receiver_count]."""
-        self.pictures[name] = np.asarray(values)
+        self.heats[name] = np.asarray(values)
 
     def keep(self, name: str, array: wp.array[Any] | NDArray[Any]) -> None:
         """Report an array that stays alive between frames. Nothing is copied here."""

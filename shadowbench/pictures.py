@@ -129,8 +129,8 @@ def case_pictures(
 ) -> dict[str, bytes]:
     """Return a case's pictures as PNG by name.
 
-    ``result``, ``reference``, ``failures``, one ``mask-…`` a measure, and one ``heat-…`` for each of the ``numbers``
-    that a method reports per receiver.
+    ``result``, ``reference``, ``failures``, one ``mask-…`` a measure, and one ``picture-…`` for each of the
+    ``numbers`` that a method reports per receiver.
     """
     result = shaded(world, light, receivers, visibility)
     exact = shaded(world, light, receivers, reference.visibility)
@@ -142,7 +142,7 @@ def case_pictures(
     for name, mask in masks.items():
         pictures[f"mask-{name.replace('_', '-')}"] = mask_picture(receivers, mask)
     for name, values in (numbers or {}).items():
-        pictures[f"heat-{name.replace(' ', '-')}"] = _png(Image.fromarray(heat_picture(exact, receivers, values)))
+        pictures[f"picture-{name}"] = png(heat_picture(exact, receivers, values))
     return pictures
 
 

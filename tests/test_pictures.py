@@ -91,6 +91,6 @@ def test_numbers_by_receiver_come_out_as_heat_maps():
     truth = np.ones(32, np.float32)
     numbers = {"largest fill": np.arange(32)}
     pictures = case_pictures(box_over_ground(), SUN, receivers, stated_reference(truth), truth, {}, numbers)
-    assert set(pictures) == {"result", "reference", "failures", "heat-largest-fill"}
-    shown = np.asarray(Image.open(io.BytesIO(pictures["heat-largest-fill"])))
+    assert set(pictures) == {"result", "reference", "failures", "picture-largest fill"}
+    shown = np.asarray(Image.open(io.BytesIO(pictures["picture-largest fill"])))
     assert tuple(shown[3, 7]) == (253, 231, 37)

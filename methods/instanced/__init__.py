@@ -180,8 +180,8 @@ class Instanced(Method):
             counts = covered, candidates
             self._apply_to_candidates(self._kernels()[0], receivers, again, counts, Trace(self.context))
             trace.mask("candidates", candidates.numpy() > 0)
-            trace.picture("fill", covered.numpy())
-            trace.picture("overdraw", self._overdraw.numpy()[: receivers.count])
+            trace.heat("fill", covered.numpy())
+            trace.heat("overdraw", self._overdraw.numpy()[: receivers.count])
 
     def _neighbours(self, rotation: Rotation) -> angles.Neighbours:
         step_count = round(360.0 / self.parameters.step)

@@ -151,14 +151,14 @@ class CaseHost:
             pictures: A folder to write the pictures to.
 
         Raises:
-            InvalidResultError: A mask or a picture has not one value per receiver.
+            InvalidResultError: A mask or a heat map has not one value per receiver.
         """
         assert self._method is not None
         peak = _peak_rss()
         trace = self._trace
         self._tell_phase("explain")
         self._method.explain(self._receivers, trace)
-        for kind, arrays in (("mask", trace.masks), ("picture", trace.pictures)):
+        for kind, arrays in (("mask", trace.masks), ("heat map", trace.heats)):
             for name, values in arrays.items():
                 if values.shape != (self._receivers.count,):
                     raise InvalidResultError(
@@ -176,7 +176,7 @@ class CaseHost:
             self._reference,
             visibility,
             found.masks | trace.masks,
-            trace.pictures,
+            trace.heats,
         )
         drawn |= {f"picture-{name}": png(image) for name, image in trace.pictures.items()}
         files = {}

@@ -400,7 +400,7 @@ def test_the_ground_may_cast_and_is_not_asked_about_itself():
     for light in ("sun", "spot", "lamp"):
         visibility, trace = result(world, receivers, light, resolution=256, rotation="exact")
         assert _failures(world, receivers, light, visibility) < 0.3
-        assert trace.pictures["overdraw"][receivers.instance == 0].mean() < 0.5
+        assert trace.heats["overdraw"][receivers.instance == 0].mean() < 0.5
 
 
 def test_several_samples_and_layers_are_receivers_like_others():

@@ -151,7 +151,7 @@ def test_counters_are_sums_and_the_largest_of_what_is_seen_by_receiver():
     method = made()
     built(method, world, receivers, "light")
     _, trace = shaded(method, receivers)
-    fill, overdraw = trace.pictures["fill"], trace.pictures["overdraw"]
+    fill, overdraw = trace.heats["fill"], trace.heats["overdraw"]
     assert trace.counters["fill"] == fill.sum()
     assert trace.counters["look-ups"] == trace.counters["candidates"] == overdraw.sum()
     assert trace.counters["largest overdraw"] == overdraw.max() > 3

@@ -184,7 +184,7 @@ class WrongPicture(_Lit):
     name = "wrong-picture"
 
     def explain(self, receivers, trace):
-        trace.picture("heat", np.ones((receivers.count, 2)))
+        trace.heat("heat", np.ones((receivers.count, 2)))
 
 
 class Unsupporting(_Lit):
@@ -217,7 +217,7 @@ class Watchful(_Lit):
         return self.parameters.every_frame
 
     def explain(self, receivers, trace):
-        trace.picture("left to right", receivers.pixel % receivers.width)
+        trace.heat("left to right", receivers.pixel % receivers.width)
 
 
 class Good(_Lit):

@@ -31,7 +31,7 @@ EXPECTED: dict[str, tuple[Outcome, str]] = {
     "fickle": (Outcome.INVALID, "1 of {valid} receivers differ between two repeats"),
     "fickle-counter": (Outcome.INVALID, "counter 'frames' is 1 in one repeat and 2 in another"),
     "wrong-mask": (Outcome.INVALID, "mask 'classified' has shape (3,)"),
-    "wrong-picture": (Outcome.INVALID, "picture 'heat' has shape ({valid}, 2)"),
+    "wrong-picture": (Outcome.INVALID, "heat map 'heat' has shape ({valid}, 2)"),
     "unsupporting": (Outcome.SKIPPED, "it likes no light"),
     "unavailable": (Outcome.SKIPPED, "needs a library that nobody has"),
     "cuda-only": (Outcome.SKIPPED, "runs on cuda, not on cpu"),

@@ -68,7 +68,7 @@ def test_building_belongs_to_every_frame_where_the_parameters_make_it_so(measure
 def test_a_picture_of_numbers_is_kept_beside_the_others(measure: Measure, tmp_path: Path) -> None:
     (row,) = measure("watchful").rows
     with Store.open(tmp_path, create=False) as store:
-        assert store.artifact(row.artifacts["heat-left-to-right"]).startswith(b"\x89PNG")
+        assert store.artifact(row.artifacts["picture-left to right"]).startswith(b"\x89PNG")
 
 
 def test_the_same_plan_again_measures_nothing_and_fresh_measures_all(measure: Measure) -> None:
