@@ -15,16 +15,15 @@ shadows. Cost: K² texels a receiver, whatever the map's size.
 
 from __future__ import annotations
 
-import math
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 import warp as wp
-from numpy.typing import NDArray
 from pydantic import model_validator
 
 from shadowbench.depth_map_method import MAP_COUNTERS, DepthMapMethod, DepthMapParameters
 from shadowbench.device.arrays import as_warp
+from shadowbench.device.filter_weights import gauss_sigma, tap_weights
 from shadowbench.device.launch import launch
 from shadowbench.method import LightSpaceKernel, Trace
 from shadowbench.methods.pcf.kernels import filter_bilinear, filter_weighted
@@ -57,21 +56,6 @@ class PcfParameters(DepthMapParameters):
                 raise ValueError(f"a bilinear filter's kernel is 2 texels wide, not {values['kernel']}")
             return {**values, "kernel": 2}
         return values
-
-
-def gauss_sigma(width: int) -> float:
-    """Standard deviation of a Gauss kernel of ``width`` taps [texels]: the rule of OpenCV's ``getGaussianKernel``."""
-    return 0.3 * ((width - 1) * 0.5 - 1.0) + 0.8
-
-
-def tap_weights(shape: str, width: int) -> NDArray[np.float64]:
-    """Weights of ``width`` taps along one axis, summing to 1."""
-    if shape == "box":
-        return np.full(width, 1.0 / width)
-    sigma = gauss_sigma(width)
-    offsets = [k - (width - 1) / 2.0 for k in range(width)]
-    values = [math.exp(-0.5 * (x / sigma) ** 2) for x in offsets]
-    return np.array(values) / math.fsum(values)
 
 
 class PercentageCloserFiltering(DepthMapMethod):

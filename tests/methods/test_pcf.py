@@ -1,15 +1,14 @@
 import numpy as np
 import pytest
 from builders import box_over_ground
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from running import run_method
 
 from shadowbench.camera_pass import render
+from shadowbench.device.filter_weights import tap_weights
 from shadowbench.errors import ParameterError
 from shadowbench.light_space import light_frames
 from shadowbench.method import Context
-from shadowbench.methods.pcf import PercentageCloserFiltering, gauss_sigma, tap_weights
+from shadowbench.methods.pcf import PercentageCloserFiltering
 from shadowbench.parameters import parse_parameters
 
 WORLD = box_over_ground()
@@ -76,19 +75,6 @@ def test_a_bias_that_grows_with_the_footprint_leaves_no_acne_in_the_open(kernel)
     assert (visibility[inner] == 1.0).all()
     shallow, _ = run_method("pcf", lit, RECEIVERS, kernel=kernel, resolution=128, slope_bias=0.2, bias=0.0)
     assert (shallow[inner] < 1.0).any()
-
-
-@settings(max_examples=60, deadline=None)
-@given(shape=st.sampled_from(["box", "gauss"]), width=st.integers(1, 63))
-def test_weights_are_symmetric_and_sum_to_one(shape, width):
-    weights = tap_weights(shape, width)
-    assert weights.sum() == pytest.approx(1.0, abs=1e-12)
-    np.testing.assert_allclose(weights, weights[::-1], rtol=1e-12)
-
-
-@pytest.mark.parametrize(("width", "sigma"), [(3, 0.8), (5, 1.1), (7, 1.4)])
-def test_gauss_widths_have_opencvs_deviations(width, sigma):
-    assert gauss_sigma(width) == pytest.approx(sigma)
 
 
 def test_the_footprint_is_told_to_the_filtered_reference():
