@@ -82,6 +82,7 @@ class MapPoint:
         face: Which map.
         x, y: Position in the map [texels]; texel (i, j) has its centre at (i + ½, j + ½).
         depth: Linear depth.
+        w: Planar distance from the light; 1 in an orthographic frame.
         slope_x, slope_y: Change of depth along the receiver's plane per texel; 0 without receiver-plane bias.
         state: What is known without a look-up: 1 lit, 0 shadowed, -1 nothing.
     """
@@ -90,6 +91,7 @@ class MapPoint:
     x: wp.float64
     y: wp.float64
     depth: wp.float64
+    w: wp.float64
     slope_x: wp.float64
     slope_y: wp.float64
     state: wp.int32
@@ -143,6 +145,21 @@ def offset_along_normal(maps: LightMaps, p: wp.vec3d, n: wp.vec3d, w: wp.float64
 
 
 @wp.func
+def motion_in_map(m: wp.mat44d, uv: wp.vec2d, w: wp.float64, motion: wp.vec3d, size: wp.float64):
+    """Change of (x [texels], y [texels], depth) as a point moves, to first order.
+
+    Args:
+        m: The frame's projection.
+        uv: Where the point is in the window.
+        w: Its planar distance.
+        motion: In the world.
+        size: Texels across the window.
+    """
+    h = m * wp.vec4d(motion[0], motion[1], motion[2], wp.float64(0.0))
+    return wp.vec3d((h[0] - uv[0] * h[3]) / w * size, (h[1] - uv[1] * h[3]) / w * size, h[2])
+
+
+@wp.func
 def plane_slopes(m: wp.mat44d, h: wp.vec4d, n: wp.vec3d, size: wp.float64):
     """Change of linear depth per texel along x and y in the plane with normal ``n`` through the point projected to h.
 
@@ -154,21 +171,15 @@ def plane_slopes(m: wp.mat44d, h: wp.vec4d, n: wp.vec3d, size: wp.float64):
     axis = wp.vec3d(wp.float64(1.0), zero, zero)
     if wp.abs(n[0]) > wp.float64(0.6):
         axis = wp.vec3d(zero, wp.float64(1.0), zero)
-    s = wp.normalize(wp.cross(n, axis))
-    t = wp.cross(n, s)
-    hs = m * wp.vec4d(s[0], s[1], s[2], zero)
-    ht = m * wp.vec4d(t[0], t[1], t[2], zero)
-    u = h[0] / h[3]
-    v = h[1] / h[3]
-    us = (hs[0] - u * hs[3]) / h[3] * size
-    vs = (hs[1] - v * hs[3]) / h[3] * size
-    ut = (ht[0] - u * ht[3]) / h[3] * size
-    vt = (ht[1] - v * ht[3]) / h[3] * size
-    area = us * vt - ut * vs
+    tangent = wp.normalize(wp.cross(n, axis))
+    uv = wp.vec2d(h[0] / h[3], h[1] / h[3])
+    s = motion_in_map(m, uv, h[3], tangent, size)
+    t = motion_in_map(m, uv, h[3], wp.cross(n, tangent), size)
+    area = s[0] * t[1] - t[0] * s[1]
     if area == zero:
         return wp.vec2d(zero, zero)
-    slope_x = (hs[2] * vt - ht[2] * vs) / area
-    slope_y = (us * ht[2] - ut * hs[2]) / area
+    slope_x = (s[2] * t[1] - t[2] * s[1]) / area
+    slope_y = (s[0] * t[2] - s[2] * t[0]) / area
     return wp.vec2d(
         wp.clamp(slope_x, -STEEPEST_OFFSET, STEEPEST_OFFSET), wp.clamp(slope_y, -STEEPEST_OFFSET, STEEPEST_OFFSET)
     )
@@ -210,6 +221,7 @@ def find_in_map(maps: LightMaps, position: wp.vec3, normal: wp.vec3, normal_offs
     found.x = h[0] / h[3] * size
     found.y = h[1] / h[3] * size
     found.depth = h[2]
+    found.w = h[3]
     if plane != wp.float64(0.0):
         slopes = plane * plane_slopes(m, h, n, size)
         found.slope_x = slopes[0]
