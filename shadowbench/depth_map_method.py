@@ -6,7 +6,9 @@ maps for, drawing them, and what is counted and kept is the same for all.
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import Any, ClassVar
+
+import warp as wp
 
 from shadowbench.device.depth_maps import DepthMaps
 from shadowbench.device.shadow_lookup import LightMaps, light_maps
@@ -40,6 +42,12 @@ class DepthMapMethod(Method):
     """The maps and the light, as look-up kernels take them; there after ``build()``."""
     _maps: DepthMaps | None = None
 
+    @property
+    def depth(self) -> wp.array[Any]:
+        """The depth maps, float32, shape [face, row, column]; there after ``build()``."""
+        assert self._maps is not None
+        return self._maps.depth
+
     def polygon_offset(self) -> float:
         """Return the polygon offset's factor that the maps are drawn with [texels of slope]."""
         return 0.0
@@ -51,7 +59,8 @@ class DepthMapMethod(Method):
             return "a depth map holds opaque casters only"
         return None
 
-    def build(self, casters: Casters, light: Light, view: View, changes: Changes, trace: Trace) -> None:
+    def draw_maps(self, casters: Casters, light: Light, trace: Trace) -> None:
+        """Draw the maps and set :attr:`lookup`."""
         frames = light_frames(light, casters.world)
         if self._maps is None:
             self._maps = DepthMaps(len(frames), self.parameters.resolution, self.context)
@@ -60,4 +69,7 @@ class DepthMapMethod(Method):
         self.lookup = light_maps(light, frames, self._maps.depth)
         trace.count("triangles drawn", casters.triangle_count * len(frames))
         trace.count("map texels", self._maps.depth.size)
-        trace.keep("shadow map", self._maps.depth)
+
+    def build(self, casters: Casters, light: Light, view: View, changes: Changes, trace: Trace) -> None:
+        self.draw_maps(casters, light, trace)
+        trace.keep("shadow map", self.depth)

@@ -22,6 +22,9 @@ ROOMS: dict[str, set[str]] = {
     "depth_map_method": {"method", "parameters", "scene", "world", "light_space", "device"},
     "light_picture": set(),
     "irregular_method": {"method", "light_picture", "receivers", "scene", "world", "device"},
+    "filtered_map_method": {
+        *("depth_map_method", "method", "parameters", "scene", "world", "light_space", "receivers", "device"),
+    },
     "camera_pass": {"errors", "scene", "world", "light_space", "receivers", "device"},
     "reference": {"errors", "scene", "world", "light_space", "receivers", "device"},
     "metrics": {"receivers", "reference", "world"},
@@ -33,6 +36,7 @@ ROOMS: dict[str, set[str]] = {
         "method",
         "depth_map_method",
         "irregular_method",
+        "filtered_map_method",
         "scene",
         "world",
         "light_space",

@@ -37,6 +37,9 @@ def test_a_method_keeps_the_contract(name: str) -> None:
         ("instanced", {"candidates": "z-fail", "skip_other_test": True, "resolution": 37}),
         ("instanced", {"sizing": "importance"}),
         ("instanced", {"application": "all-maps", "slope_bias": 0.0}),
+        ("esm", {"classification": "z-max", "filtering": "anisotropic", "resolution": 300}),
+        ("esm", {"log_space": True, "c": 500.0, "kernel": 3, "resolution": 200}),
+        ("esm", {"classification": "none", "filtering": "nearest", "kernel": 0}),
     ],
 )
 def test_a_method_keeps_the_contract_with_other_parameters(name: str, values: dict[str, Any]) -> None:
