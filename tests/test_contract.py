@@ -37,9 +37,11 @@ def test_a_method_keeps_the_contract(name: str) -> None:
         ("instanced", {"candidates": "z-fail", "skip_other_test": True, "resolution": 37}),
         ("instanced", {"sizing": "importance"}),
         ("instanced", {"application": "all-maps", "slope_bias": 0.0}),
+        ("csm", {"basis": "float", "terms": 7, "attenuation": 1.0, "kernel": 0, "resolution": 200}),
         ("esm", {"classification": "z-max", "filtering": "anisotropic", "resolution": 300}),
         ("esm", {"log_space": True, "c": 500.0, "kernel": 3, "resolution": 200}),
         ("esm", {"classification": "none", "filtering": "nearest", "kernel": 0}),
+        ("vsm", {"slope_term": True, "bleeding_reduction": 0.2, "filtering": "bilinear", "resolution": 333}),
     ],
 )
 def test_a_method_keeps_the_contract_with_other_parameters(name: str, values: dict[str, Any]) -> None:
