@@ -33,6 +33,7 @@ def test_a_method_keeps_the_contract(name: str) -> None:
         ("pcf", {"filter": "bilinear"}),
         ("pcf", {"filter": "gauss", "kernel": 7}),
         ("pcf", {"filter": "box", "kernel": 8, "receiver_plane": True}),
+        ("pcf", {"footprint": "pixel", "kernel": 6, "normal_offset": 1.0}),
         ("ray-traced", {"self_hit": "offset"}),
         ("instanced", {"candidates": "z-fail", "skip_other_test": True, "resolution": 37}),
         ("instanced", {"sizing": "importance"}),

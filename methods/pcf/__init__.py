@@ -5,9 +5,15 @@ visibility. ``filter`` says which weights: ``bilinear`` (2x2, as graphics hardwa
 weights) or ``gauss`` (K x K). An odd footprint is centred on the texel that holds the receiver, an even one on the
 texel corner nearest to it, so K taps along each axis and weights that sum to 1 in both cases.
 
-The biases are those of ``shadow-map``, scaled with the footprint, since a plane needs more the farther the farthest
-tap: with footprint K the polygon offset and the normal offset are K times the parameter, and 1 is again exactly what
-a plane needs. ``receiver_plane`` follows the plane to each tap instead.
+``footprint`` says where the taps lie. With ``texels`` they are K x K neighbours in the map, whatever the view. With
+``pixel``, as published, they are spread over the part of the receiver's surface that its pixel covers: K x K points of
+its plane, each compared with the texel that holds it. Sides of the pixel shorter than a texel are lengthened to one,
+so that a magnified map is filtered as by interpolation, and not at all points of one texel alike.
+
+The biases are those of ``shadow-map``. Over texels they are scaled with the footprint, since a plane needs more the
+farther the farthest tap: with footprint K the polygon offset and the normal offset are K times the parameter, and 1 is
+again exactly what a plane needs. ``receiver_plane`` follows the plane to each tap instead. Points of the surface have
+its depths already and need what a shadow map needs.
 
 Limits: the penumbra is as wide as the kernel, not as the light; at silhouettes the scaled bias detaches contact
 shadows. Cost: K² texels a receiver, whatever the map's size.
@@ -24,9 +30,10 @@ from pydantic import model_validator
 from shadowbench.depth_map_method import MAP_COUNTERS, DepthMapMethod, DepthMapParameters
 from shadowbench.device.arrays import as_warp
 from shadowbench.device.filter_weights import gauss_sigma, tap_weights
+from shadowbench.device.filtered_lookup import pixel_points
 from shadowbench.device.launch import launch
 from shadowbench.method import LightSpaceKernel, Trace
-from shadowbench.methods.pcf.kernels import filter_bilinear, filter_weighted
+from shadowbench.methods.pcf.kernels import filter_bilinear, filter_over_pixel, filter_weighted
 from shadowbench.parameters import parameter
 from shadowbench.receivers import Receivers
 
@@ -38,8 +45,11 @@ class PcfParameters(DepthMapParameters):
     kernel: int = parameter(
         3, unit="texels", help="Width of the footprint, odd or even; bilinear is always 2.", ge=1, le=63
     )
+    footprint: Literal["texels", "pixel"] = parameter(
+        "texels", unit="1", help="Where the taps lie: side by side in the map, or over the pixel's part of the surface."
+    )
     slope_bias: float = parameter(
-        1.0, unit="texels", help="Polygon offset in texels of slope, times the footprint.", ge=0.0, le=64.0
+        1.0, unit="texels", help="Polygon offset in texels of slope, times a footprint of texels.", ge=0.0, le=64.0
     )
     receiver_plane: bool = parameter(
         False, unit="1", help="Compare each tap with the depth of the receiver's plane there."
@@ -54,6 +64,8 @@ class PcfParameters(DepthMapParameters):
         if isinstance(values, dict) and values.get("filter") == "bilinear":
             if str(values.get("kernel", 2)) != "2":
                 raise ValueError(f"a bilinear filter's kernel is 2 texels wide, not {values['kernel']}")
+            if values.get("footprint") == "pixel":
+                raise ValueError("a bilinear filter lies between texels; over a pixel the weights are box or gauss")
             return {**values, "kernel": 2}
         return values
 
@@ -73,22 +85,20 @@ class PercentageCloserFiltering(DepthMapMethod):
     parameters: PcfParameters
 
     def polygon_offset(self) -> float:
-        return self.parameters.slope_bias * self.parameters.kernel
+        return self.parameters.slope_bias * self._bias_scale
+
+    @property
+    def _bias_scale(self) -> int:
+        """Texels between the farthest taps that are compared with one depth, and one more."""
+        return 1 if self.parameters.footprint == "pixel" else self.parameters.kernel
 
     def shade(self, receivers: Receivers, visibility: wp.array[Any], trace: Trace) -> None:
         p = self.parameters
-        on_device = receivers.on(self.context.device)
-        inputs = [
-            self.lookup,
-            on_device.position,
-            on_device.normal,
-            p.bias,
-            p.normal_offset * p.kernel,
-            float(p.receiver_plane),
-        ]
+        points = pixel_points(receivers.on(self.context.device))
+        inputs = [self.lookup, points, p.bias, p.normal_offset * self._bias_scale, float(p.receiver_plane)]
         kernel = filter_bilinear
         if p.filter != "bilinear":
-            kernel = filter_weighted
+            kernel = filter_over_pixel if p.footprint == "pixel" else filter_weighted
             weights = tap_weights(p.filter, p.kernel).astype(np.float32)
             inputs.append(as_warp(weights, wp.float32, self.context.device))
         with trace.stage("look-up"):
@@ -96,6 +106,9 @@ class PercentageCloserFiltering(DepthMapMethod):
         trace.count("texels compared", int(receivers.valid.sum()) * p.kernel**2)
 
     def kernel(self, receivers: Receivers) -> LightSpaceKernel:
+        """Return the window of texels or, of taps over a pixel, what they amount to where a map is magnified."""
         p = self.parameters
+        if p.footprint == "pixel":
+            return LightSpaceKernel("bilinear", 2.0, p.resolution)
         sigma = gauss_sigma(p.kernel) if p.filter == "gauss" else 0.0
         return LightSpaceKernel(shape=p.filter, width=float(p.kernel), resolution=p.resolution, sigma=sigma)

@@ -2,8 +2,17 @@
 
 import warp as wp
 
+from shadowbench.device.filtered_lookup import MOST_TEXELS, PixelPoints
 from shadowbench.device.launch import kernel_options
-from shadowbench.device.shadow_lookup import LightMaps, MapPoint, find_in_map, is_lit_at, texel_index
+from shadowbench.device.shadow_lookup import (
+    STEEPEST_OFFSET,
+    LightMaps,
+    MapPoint,
+    find_in_map,
+    is_lit_at,
+    motion_in_map,
+    texel_index,
+)
 
 wp.set_module_options(kernel_options(native=True))
 
@@ -44,13 +53,62 @@ def bilinear_mean(maps: LightMaps, found: MapPoint, bias: wp.float64):
     return wp.clamp(wp.lerp(top, bottom, down), 0.0, 1.0)
 
 
+@wp.func
+def side_of_pixel(maps: LightMaps, found: MapPoint, motion: wp.vec3, axis: wp.vec3d):
+    """Change of (x, y, depth) over a pixel along one of its axes, at least a texel long.
+
+    A side of no length or of no bounds is taken for a texel along ``axis``.
+    """
+    size = wp.float64(maps.depth.shape[2])
+    uv = wp.vec2d(found.x / size, found.y / size)
+    side = motion_in_map(maps.projection[found.face], uv, found.w, wp.vec3d(motion), size)
+    length = wp.length(wp.vec2d(side[0], side[1]))
+    if not (length > wp.float64(0.0) and length < MOST_TEXELS):
+        return axis
+    one = wp.float64(1.0)
+    scale = wp.max(one / length, one)
+    # a plane seen edge-on from the light has no bounded slope
+    steepest = STEEPEST_OFFSET * length * scale
+    return wp.vec3d(side[0] * scale, side[1] * scale, wp.clamp(side[2] * scale, -steepest, steepest))
+
+
+@wp.func
+def is_point_lit(maps: LightMaps, found: MapPoint, offset: wp.vec3d, bias: wp.float64):
+    """The depth test of a point beside the receiver, against the texel that holds it."""
+    point = MapPoint()
+    point.face = found.face
+    point.x = found.x + offset[0]
+    point.y = found.y + offset[1]
+    point.depth = found.depth + offset[2]
+    point.slope_x = found.slope_x
+    point.slope_y = found.slope_y
+    return is_lit_at(maps, point, texel_index(point.x), texel_index(point.y), bias)
+
+
+@wp.func
+def mean_over_pixel(
+    maps: LightMaps, found: MapPoint, weights: wp.array[wp.float32], across: wp.vec3d, down: wp.vec3d, bias: wp.float64
+):
+    """Mean of the tests in the middles of K x K equal parts of the pixel."""
+    width = weights.shape[0]
+    half = wp.float64(0.5)
+    mean = wp.float32(0.0)
+    for j in range(width):
+        t = (wp.float64(j) + half) / wp.float64(width) - half
+        along = wp.float32(0.0)
+        for i in range(width):
+            s = (wp.float64(i) + half) / wp.float64(width) - half
+            along += weights[i] * is_point_lit(maps, found, s * across + t * down, bias)
+        mean += weights[j] * along
+    return wp.clamp(mean, 0.0, 1.0)
+
+
 @wp.kernel
 def filter_weighted(
     first: wp.int32,
     # inputs
     maps: LightMaps,
-    position: wp.array[wp.vec3],
-    normal: wp.array[wp.vec3],
+    points: PixelPoints,
     bias: wp.float64,
     normal_offset: wp.float64,
     plane: wp.float64,
@@ -59,7 +117,7 @@ def filter_weighted(
     visibility: wp.array[wp.float32],
 ):
     i = wp.tid() + first
-    found = find_in_map(maps, position[i], normal[i], normal_offset, plane)
+    found = find_in_map(maps, points.position[i], points.normal[i], normal_offset, plane)
     if found.state >= 0:
         visibility[i] = wp.float32(found.state)
     else:
@@ -67,12 +125,36 @@ def filter_weighted(
 
 
 @wp.kernel
+def filter_over_pixel(
+    first: wp.int32,
+    # inputs
+    maps: LightMaps,
+    points: PixelPoints,
+    bias: wp.float64,
+    normal_offset: wp.float64,
+    plane: wp.float64,
+    weights: wp.array[wp.float32],
+    # outputs
+    visibility: wp.array[wp.float32],
+):
+    i = wp.tid() + first
+    found = find_in_map(maps, points.position[i], points.normal[i], normal_offset, plane)
+    if found.state >= 0:
+        visibility[i] = wp.float32(found.state)
+    else:
+        one = wp.float64(1.0)
+        zero = wp.float64(0.0)
+        across = side_of_pixel(maps, found, points.position_dx[i], wp.vec3d(one, zero, zero))
+        down = side_of_pixel(maps, found, points.position_dy[i], wp.vec3d(zero, one, zero))
+        visibility[i] = mean_over_pixel(maps, found, weights, across, down, bias)
+
+
+@wp.kernel
 def filter_bilinear(
     first: wp.int32,
     # inputs
     maps: LightMaps,
-    position: wp.array[wp.vec3],
-    normal: wp.array[wp.vec3],
+    points: PixelPoints,
     bias: wp.float64,
     normal_offset: wp.float64,
     plane: wp.float64,
@@ -80,7 +162,7 @@ def filter_bilinear(
     visibility: wp.array[wp.float32],
 ):
     i = wp.tid() + first
-    found = find_in_map(maps, position[i], normal[i], normal_offset, plane)
+    found = find_in_map(maps, points.position[i], points.normal[i], normal_offset, plane)
     if found.state >= 0:
         visibility[i] = wp.float32(found.state)
     else:
