@@ -24,9 +24,9 @@ def view():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("light", ["sun", "lamp"])
-@pytest.mark.parametrize("name", ["afsm", "instanced", "irregular-z-buffer", "pcf", "ray-traced", "shadow-map"])
-@pytest.mark.parametrize("name", ["afsm", "esm", "irregular-z-buffer", "pcf", "ray-traced", "shadow-map"])
-@pytest.mark.parametrize("name", ["afsm", "csm", "esm", "irregular-z-buffer", "pcf", "ray-traced", "shadow-map", "vsm"])
+@pytest.mark.parametrize(
+    "name", ["afsm", "csm", "esm", "instanced", "irregular-z-buffer", "pcf", "ray-traced", "shadow-map", "vsm"]
+)
 def test_no_bit_changes_over_many_frames_on_two_threads(view, name, light):
     world, receivers = view
     cls = REGISTRY.method(name)
