@@ -1,5 +1,7 @@
 """The papers' experiments: printed values as printed, and cases that are measured."""
 
+from typing import Any
+
 import pytest
 
 from shadowbench import experiment
@@ -20,13 +22,60 @@ def test_the_alias_free_papers_table_is_printed_as_it_was() -> None:
     assert [c.sizes for c in paper.comparisons] == [((1024, 768),)]
 
 
-@pytest.mark.parametrize("name", [n for n in experiment.builtin_names() if n.startswith("aila-laine-2004")])
+PAPERS = [name for name in experiment.builtin_names() if name not in ("quick", "tour")]
+
+
+@pytest.mark.parametrize("name", PAPERS)
 def test_what_a_paper_prints_belongs_to_cases_that_are_measured(name: str) -> None:
+    """Every printed value finds a configuration of its experiment that all of its conditions are true of."""
     read = experiment.load(name)
-    methods = {choice.name for comparison in read.comparisons for choice in comparison.methods}
+    measured = [
+        {"method": method.name, "light": light, "camera": camera, "size": f"{size[0]}x{size[1]}"}
+        | {f"scene.{key}": value for key, value in scene_values.items()}
+        | method_values
+        for comparison in read.comparisons
+        for scene in comparison.scenes
+        for scene_values in scene.expand()
+        for method in comparison.methods
+        for method_values in method.expand()
+        for light in comparison.lights
+        for camera in comparison.cameras
+        for size in comparison.sizes
+    ]
     for table in read.tables:
-        assert table.where.get("method", "afsm") in methods
+        assert _holds(table.where, measured), table.title
         for printed in table.printed:
-            assert printed.where.get("method", "afsm") in methods
-            # of another size, say from --size, the picture is not the paper's
-            assert printed.where["size"] in {f"{w}x{h}" for c in read.comparisons for w, h in c.sizes}
+            assert _holds(table.where | printed.where, measured), printed.where
+
+
+def _holds(conditions: dict[str, Any], measured: list[dict[str, Any]]) -> bool:
+    """Whether some configuration meets all conditions; a parameter it does not mention may have any value."""
+    return any(all(str(case.get(key, value)) == str(value) for key, value in conditions.items()) for case in measured)
+
+
+def test_the_printed_bytes_of_filtered_maps_are_those_of_a_full_mip_chain() -> None:
+    table = experiment.load("annen-2008-figure-1").tables[0]
+    texels = sum((2048 >> level) ** 2 for level in range(12))
+    values_of_a_texel = {"esm": 4, "vsm": 2 * 4, "csm": 2 * 16}
+    printed = {case.where["method"]: case.values["bytes_kept"] for case in table.printed}
+    assert printed == {method: texels * size for method, size in values_of_a_texel.items()}
+
+
+def test_every_map_size_and_window_of_the_filtered_maps_first_table_is_printed() -> None:
+    (table, _) = experiment.load("annen-2008-table-1").tables
+    assert len(table.printed) == 4 * 9
+    keys = ("method", "classification", "kernel", "resolution")
+    assert len({tuple(case.where.get(key) for key in keys) for case in table.printed}) == 36
+
+
+@pytest.mark.parametrize("name", [n for n in PAPERS if n.startswith("annen-2008")])
+def test_classified_failures_are_printed_growing_with_the_window(name: str) -> None:
+    for table in experiment.load(name).tables:
+        rows: dict[Any, list[float]] = {}
+        for case in table.printed:
+            if "classified_percent" in case.values:
+                rows.setdefault(case.where["classification"], []).append(case.values["classified_percent"])
+        for values in rows.values():
+            assert values == sorted(values)
+        if rows:
+            assert all(z >= t for z, t in zip(rows["z-max"], rows["threshold"], strict=True))
