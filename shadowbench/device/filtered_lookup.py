@@ -156,15 +156,16 @@ def find_footprint(
     m = maps.projection[found.face]
     across = motion_in_map(m, uv, found.w, wp.vec3d(points.position_dx[i]), size)
     down = motion_in_map(m, uv, found.w, wp.vec3d(points.position_dy[i]), size)
-    longer = wp.length(wp.vec2d(across[0], across[1]))
-    shorter = wp.length(wp.vec2d(down[0], down[1]))
     side = across
-    if shorter > longer:
+    other = down
+    if down[0] * down[0] + down[1] * down[1] > across[0] * across[0] + across[1] * across[1]:
         side = down
-        swapped = longer
-        longer = shorter
-        shorter = swapped
-    if sampling.most_taps > 1 and longer > shorter and longer < MOST_TEXELS:
+        other = across
+    longer = wp.sqrt(side[0] * side[0] + side[1] * side[1])
+    shorter = longer
+    if sampling.most_taps > 1 and longer < MOST_TEXELS:
+        shorter = wp.sqrt(other[0] * other[0] + other[1] * other[1])
+    if longer > shorter:
         footprint.taps = sampling.most_taps
         if longer < wp.float64(sampling.most_taps) * shorter:
             footprint.taps = wp.int32(wp.ceil(longer / shorter))

@@ -155,8 +155,12 @@ def motion_in_map(m: wp.mat44d, uv: wp.vec2d, w: wp.float64, motion: wp.vec3d, s
         motion: In the world.
         size: Texels across the window.
     """
-    h = m * wp.vec4d(motion[0], motion[1], motion[2], wp.float64(0.0))
-    return wp.vec3d((h[0] - uv[0] * h[3]) / w * size, (h[1] - uv[1] * h[3]) / w * size, h[2])
+    x = m[0, 0] * motion[0] + m[0, 1] * motion[1] + m[0, 2] * motion[2]
+    y = m[1, 0] * motion[0] + m[1, 1] * motion[1] + m[1, 2] * motion[2]
+    depth = m[2, 0] * motion[0] + m[2, 1] * motion[1] + m[2, 2] * motion[2]
+    away = m[3, 0] * motion[0] + m[3, 1] * motion[1] + m[3, 2] * motion[2]
+    texels = size / w
+    return wp.vec3d((x - uv[0] * away) * texels, (y - uv[1] * away) * texels, depth)
 
 
 @wp.func
