@@ -10,6 +10,7 @@ receiver nearer than the farthest texel of its footprint by more than ``offset``
 (it never misses what a threshold finds, if ``offset`` is 0). A failing receiver falls back to the bilinear mean of
 the four nearest texels' tests, each clamped to 1, on level 0 of the map that is kept (``stored``, as published: under
 a convolution these texels are blurred) or of the map before the convolution (``unblurred``: exact, and kept besides).
+``epsilon`` is at least 1e-4: below that, the rounding of exponentials decides.
 
 ``log_space`` stores z itself and convolves, mip-maps and interpolates e^(c z) with the largest z factored out (after
 Salvi 2008): the same means without their range, so that c may exceed the 87 at which float32 ends, at the price of
