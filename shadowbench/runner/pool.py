@@ -149,7 +149,7 @@ class Worker:
     def _await(self, timeout_s: float) -> Any:
         deadline = time.monotonic() + timeout_s
         while True:
-            for message in self._messages():
+            while (message := self._next_message()) is not None:
                 if "phase" in message:
                     self.phase = message["phase"]
                 elif "failure" in message:
@@ -179,9 +179,13 @@ class Worker:
             for key, _ in self._selector.select(_POLL_S):
                 key.data()
 
-    def _messages(self) -> list[dict[str, Any]]:
-        *lines, self._unread = self._unread.split(b"\n")
-        return [decode(line) for line in lines]
+    def _next_message(self) -> dict[str, Any] | None:
+        """Take the next whole line; what follows it, the answer to another call perhaps, stays."""
+        line, separator, rest = self._unread.partition(b"\n")
+        if not separator:
+            return None
+        self._unread = rest
+        return decode(line)
 
     def _died(self) -> CaseFailure:
         code = self._process.returncode

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import select
 import signal
 from collections.abc import Iterator
 
@@ -102,3 +103,14 @@ def test_a_message_is_one_line_and_reads_back() -> None:
     message = {"call": "x", "arguments": {"text": "two\nlines", "number": 1.5, "nothing": None}}
     assert encode(message).count(b"\n") == 1
     assert decode(encode(message)) == message
+
+
+def test_answers_that_arrive_together_are_taken_one_after_the_other() -> None:
+    """A worker that has ended starting and answered a call before anybody looked."""
+    with Pool(PLUGIN_FILES, 2 << 30) as opened:
+        worker = opened.take(1)
+        worker.begin("names", {"kind": "method"})
+        while worker._unread.count(b"\n") < 2:
+            select.select([worker._answers], [], [])
+            worker._read_answers()
+        assert "good" in worker.end(30.0)
