@@ -12,7 +12,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from pydantic import BaseModel
 
 from shadowbench.device.launch import Context, synchronize
 from shadowbench.light_space import Frame
+from shadowbench.light_space_kernel import LightSpaceKernel
 from shadowbench.receivers import Receivers
 from shadowbench.scene import Camera, Light, NoParameters
 from shadowbench.world import Casters, World
@@ -59,23 +60,6 @@ class Changes:
     light: bool
     instances: frozenset[int]
     view: bool
-
-
-@dataclass(frozen=True)
-class LightSpaceKernel:
-    """A filter's footprint on the light's window, by which the filtered reference filters exact hard shadows.
-
-    Attributes:
-        shape: ``box``, ``gauss`` (truncated at the width, standard deviation ``sigma``) or ``bilinear`` (a tent).
-        width: Full width of the footprint along u and v, in texels of ``resolution``.
-        resolution: Texels across the window.
-        sigma: Standard deviation [texels], for ``gauss`` only.
-    """
-
-    shape: Literal["box", "gauss", "bilinear"]
-    width: float
-    resolution: int
-    sigma: float = 0.0
 
 
 @dataclass(eq=False)
@@ -224,7 +208,10 @@ class Method(ABC):
         return self.self_hit
 
     def kernel(self, receivers: Receivers) -> LightSpaceKernel | None:
-        """Return the filter's footprint, or ``None`` for a hard test. Not timed."""
+        """Return the filter's footprint, or ``None`` for a hard test. Not timed.
+
+        A result is then measured against the truth filtered with it (:mod:`shadowbench.filtered_reference`).
+        """
         return None
 
     def explain(self, receivers: Receivers, trace: Trace) -> None:

@@ -15,10 +15,11 @@ ROOMS: dict[str, set[str]] = {
     "per_device": set(),
     "world": {"errors", "scene", "device", "per_device"},
     "light_space": {"errors", "scene", "world"},
+    "light_space_kernel": set(),
     "receivers": {"scene", "device", "per_device"},
     # device code: knows frames and lights, never a method
-    "device": {"errors", "scene", "world", "light_space", "receivers"},
-    "method": {"errors", "scene", "world", "light_space", "receivers", "device"},
+    "device": {"errors", "scene", "world", "light_space", "light_space_kernel", "receivers"},
+    "method": {"errors", "scene", "world", "light_space", "light_space_kernel", "receivers", "device"},
     "depth_map_method": {"method", "parameters", "scene", "world", "light_space", "device"},
     "light_picture": set(),
     "irregular_method": {"method", "light_picture", "receivers", "scene", "world", "device"},
@@ -27,6 +28,9 @@ ROOMS: dict[str, set[str]] = {
     },
     "camera_pass": {"errors", "scene", "world", "light_space", "receivers", "device"},
     "reference": {"errors", "scene", "world", "light_space", "receivers", "device"},
+    "filtered_reference": {
+        *("scene", "world", "light_space", "light_space_kernel", "receivers", "reference", "device"),
+    },
     "metrics": {"receivers", "reference", "world"},
     "pictures": {"receivers", "reference", "scene", "world"},
     "plugins": {"errors", "method", "scene"},
