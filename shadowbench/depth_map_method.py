@@ -8,13 +8,17 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
+import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
 from shadowbench.device.depth_maps import DepthMaps
+from shadowbench.device.percentage_closer import percentage_closer
 from shadowbench.device.shadow_lookup import LightMaps, light_maps
 from shadowbench.light_space import light_frames
 from shadowbench.method import Changes, Method, Trace, View
 from shadowbench.parameters import ParameterModel, parameter
+from shadowbench.receivers import Receivers
 from shadowbench.scene import Light, RectangularLight
 from shadowbench.world import Casters, World
 
@@ -73,3 +77,9 @@ class DepthMapMethod(Method):
     def build(self, casters: Casters, light: Light, view: View, changes: Changes, trace: Trace) -> None:
         self.draw_maps(casters, light, trace)
         trace.keep("shadow map", self.depth)
+
+    def exact_on_map(self, receivers: Receivers) -> NDArray[np.float32] | None:
+        kernel = self.kernel(receivers)
+        if kernel is None:
+            return None
+        return percentage_closer(self.lookup, receivers, kernel, self.parameters.bias, self.context)

@@ -214,6 +214,14 @@ class Method(ABC):
         """
         return None
 
+    def exact_on_map(self, receivers: Receivers) -> NDArray[np.float32] | None:
+        """Return what the technique approximates: the mean of depth tests on its own map, weighted by its kernel.
+
+        Shape [receiver_count], or ``None`` where there is no kernel or no depth map. Not timed, called after the last
+        round.
+        """
+        return None
+
     def explain(self, receivers: Receivers, trace: Trace) -> None:
         """Report masks and pictures that a frame does not need. Not timed, called after the last round."""
 
