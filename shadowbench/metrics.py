@@ -6,6 +6,10 @@ shadow by definition and counted apart. Counts stand beside percentages.
 
 *False lit*: the reference is shadowed and the visibility is ½ or more. *False shadow*: the reference is lit and the
 visibility is below ½. With coloured visibility the channel with the largest error decides.
+
+Failures are counted against the hard reference, whatever the technique. Measures of degree (RMSE, SSIM, FLIP, leaks)
+are against the reference that the technique aims at: a filtering one's is the truth filtered with its kernel, any
+other's the hard truth.
 """
 
 from __future__ import annotations
@@ -16,13 +20,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from shadowbench.likeness import likeness, root_mean_square
 from shadowbench.receivers import Receivers
 
 if TYPE_CHECKING:
+    from shadowbench.filtered_reference import FilteredReference
     from shadowbench.reference import Reference
     from shadowbench.world import World
 
-METRIC_VERSION = 1
+METRIC_VERSION = 2
 """Raised whenever a measure changes, so that stored rows of the old definition are not mixed with new ones."""
 
 EDGE_RADIUS = 2
@@ -65,6 +71,20 @@ MEASURES: dict[str, Measure] = {
     "turned_away_percent": Measure(
         "turned away", "%", "lower", "Receivers shown lit among those turned away from the light (not scored)."
     ),
+    "rmse": Measure("RMSE", "1", "lower", "Root mean square difference from the reference that the method aims at."),
+    "edge_band_rmse": Measure("edge band RMSE", "1", "lower", "The same within the edge band and the penumbra."),
+    "interior_rmse": Measure("interior RMSE", "1", "lower", "The same outside the edge band and the penumbra."),
+    "ssim": Measure("SSIM", "1", "higher", "Structural similarity of the pictures of visibility."),
+    "flip": Measure("FLIP", "1", "lower", "Difference that is seen between the pictures of visibility, in turn."),
+    "leak_mean": Measure("leak", "1", "lower", "Mean visibility where the reference that the method aims at is 0."),
+    "leak_p99": Measure("leak, 99th percentile", "1", "lower", "What a hundredth of those receivers exceed."),
+    "approximation_rmse": Measure(
+        "approximation RMSE", "1", "lower", "Difference from the mean of depth tests on the method's own map."
+    ),
+    "discretisation_rmse": Measure(
+        "discretisation RMSE", "1", "lower", "Difference of that mean from the filtered reference: the texels' share."
+    ),
+    "reference_error": Measure("reference error", "1", "lower", "The filtered reference's own convergence error."),
 }
 
 
@@ -121,6 +141,45 @@ def measure(
         seen[receivers.pixel[masks["classified"]]] = True
         columns |= _share("classified", seen, len(seen))
     return Measurement(columns, found)
+
+
+def measure_likeness(
+    receivers: Receivers,
+    reference: Reference,
+    visibility: NDArray[np.float32],
+    *,
+    filtered: FilteredReference | None = None,
+    on_map: NDArray[np.float32] | None = None,
+) -> dict[str, Any]:
+    """Compare a visibility with the reference that its technique aims at.
+
+    Args:
+        receivers: The visible samples.
+        reference: Their hard reference.
+        visibility: A method's result, shape [n] or [n, 3].
+        filtered: The reference of a filtering method.
+        on_map: The mean of depth tests on the method's own map, where it has one, shape [n].
+
+    Returns:
+        Values by column of :class:`shadowbench.rows.ResultRow`; ``None`` where nothing was scored or does not apply.
+    """
+    scored = receivers.valid & reference.in_field & ~reference.turned_away
+    aim = reference.visibility if filtered is None else filtered.visibility
+    band = edge_band(receivers, reference.visibility, scored)
+    if filtered is not None:
+        between = _channels(aim)
+        band |= ((between > 0.0) & (between < 1.0)).any(axis=1)
+    columns: dict[str, Any] = {
+        **likeness(receivers, scored, aim, visibility),
+        "edge_band_rmse": root_mean_square(visibility, aim, scored & band),
+        "interior_rmse": root_mean_square(visibility, aim, scored & ~band),
+    }
+    if filtered is not None:
+        columns["reference_error"] = filtered.error(scored)
+    if filtered is not None and on_map is not None:
+        columns["approximation_rmse"] = root_mean_square(visibility, on_map, scored)
+        columns["discretisation_rmse"] = root_mean_square(on_map, aim, scored)
+    return columns
 
 
 def failures(reference: NDArray[np.float32], visibility: NDArray[np.float32]) -> tuple[Mask, Mask]:

@@ -121,12 +121,22 @@ class ResultRow(BaseModel):
     interior_count: int | None = _column("", "receivers")
     turned_away_percent: float | None = _column("lit receivers among those turned away from the light", "%")
     turned_away_count: int | None = _column("", "receivers")
-    rmse: float | None = _column("root mean square difference from the filtered reference", "1")
-    ssim: float | None = _column("structural similarity to the filtered reference", "1")
-    flip: float | None = _column("FLIP difference from the filtered reference", "1")
-    leak_mean: float | None = _column("mean visibility where the filtered reference is 0", "1")
+    rmse: float | None = _column(
+        "root mean square difference from the method's reference: of a filtering method the hard truth filtered with"
+        " its kernel, of any other the hard truth",
+        "1",
+    )
+    edge_band_rmse: float | None = _column("the same in the edge band and where the method's reference is between", "1")
+    interior_rmse: float | None = _column("the same over the other scored receivers", "1")
+    ssim: float | None = _column("structural similarity of the pictures of visibility and of that reference", "1")
+    flip: float | None = _column("FLIP difference of the same pictures", "1")
+    leak_mean: float | None = _column("mean visibility where the method's reference is 0", "1")
     leak_p99: float | None = _column("99th percentile of that", "1")
-    reference_error: float | None = _column("the filtered reference's own convergence error", "1")
+    approximation_rmse: float | None = _column(
+        "root mean square difference from the mean of depth tests with the method's kernel on its own map", "1"
+    )
+    discretisation_rmse: float | None = _column("difference of that mean from the filtered reference", "1")
+    reference_error: float | None = _column("the filtered reference's own convergence error, estimated", "1")
 
     machine: str = Field("", description="machine key: processor, cores, memory, operating system")
     environment: dict[str, Any] = Field(

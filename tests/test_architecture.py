@@ -31,7 +31,8 @@ ROOMS: dict[str, set[str]] = {
     "filtered_reference": {
         *("scene", "world", "light_space", "light_space_kernel", "receivers", "reference", "device"),
     },
-    "metrics": {"receivers", "reference", "world"},
+    "likeness": {"receivers"},
+    "metrics": {"receivers", "reference", "filtered_reference", "likeness", "world"},
     "pictures": {"receivers", "reference", "scene", "world"},
     "plugins": {"errors", "method", "scene"},
     "methods": {

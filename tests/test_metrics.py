@@ -2,7 +2,16 @@ import numpy as np
 import pytest
 from builders import box_over_ground, flat_receivers, stated_reference
 
-from shadowbench.metrics import CONTACT_DISTANCE, EDGE_RADIUS, MEASURES, edge_band, failures, measure
+from shadowbench.filtered_reference import FilteredReference
+from shadowbench.metrics import (
+    CONTACT_DISTANCE,
+    EDGE_RADIUS,
+    MEASURES,
+    edge_band,
+    failures,
+    measure,
+    measure_likeness,
+)
 from shadowbench.rows import ResultRow
 
 WIDTH, HEIGHT = 40, 30
@@ -114,3 +123,56 @@ def test_every_measure_is_a_column_with_a_count():
     for name in MEASURES:
         assert name in ResultRow.model_fields
         assert name.replace("_percent", "_count") in ResultRow.model_fields
+
+
+def _likeness(visibility, reference, **beside):
+    return measure_likeness(flat_receivers(WIDTH, HEIGHT), reference, visibility.astype(np.float32), **beside)
+
+
+def test_a_hard_result_is_likened_to_the_hard_reference():
+    truth = _left_half_shadowed()
+    visibility = truth.copy()
+    visibility[_column() == 3] = 1.0
+    columns = _likeness(visibility, stated_reference(truth))
+    assert columns["rmse"] == pytest.approx(np.sqrt(1.0 / WIDTH))
+    assert columns["leak_mean"] == pytest.approx(2.0 / WIDTH)
+    assert columns["edge_band_rmse"] == 0.0
+    assert columns["interior_rmse"] == pytest.approx(np.sqrt(1.0 / (WIDTH - 2 * EDGE_RADIUS - 2)))
+    assert not {"reference_error", "approximation_rmse", "discretisation_rmse"} & columns.keys()
+
+
+def _filtered(values, half_difference=None):
+    filtered = values.astype(np.float32)
+    return FilteredReference(filtered, np.zeros_like(filtered) if half_difference is None else half_difference)
+
+
+def test_a_filtering_methods_result_is_likened_to_the_filtered_reference():
+    truth, ramp = _left_half_shadowed(), np.clip((_column() - 10) / 20.0, 0.0, 1.0)
+    inner = (_column() > 10) & (_column() < 30)
+    estimated = np.where(inner, 0.02, 0.0).astype(np.float32)
+    columns = _likeness(np.where(inner, ramp + 0.1, ramp), stated_reference(truth), filtered=_filtered(ramp, estimated))
+    share = np.mean(inner)
+    assert columns["rmse"] == pytest.approx(0.1 * np.sqrt(share), rel=1e-5)
+    assert columns["edge_band_rmse"] == pytest.approx(0.1, rel=1e-5)  # the penumbra, which holds the edge band
+    assert columns["interior_rmse"] == 0.0
+    assert columns["leak_mean"] == 0.0
+    assert columns["reference_error"] == pytest.approx(0.02 * np.sqrt(share), rel=1e-5)
+
+
+def test_a_filters_approximation_is_told_from_its_maps_texels():
+    truth, ramp = _left_half_shadowed(), np.clip((_column() - 10) / 20.0, 0.0, 1.0)
+    on_map = np.clip(ramp + 0.03, 0.0, 2.0).astype(np.float32)
+    columns = _likeness(on_map + 0.04, stated_reference(truth), filtered=_filtered(ramp), on_map=on_map)
+    assert columns["approximation_rmse"] == pytest.approx(0.04, rel=1e-5)
+    assert columns["discretisation_rmse"] == pytest.approx(0.03, rel=1e-5)
+    assert columns["rmse"] == pytest.approx(0.07, rel=1e-5)
+
+
+def test_receivers_that_are_not_scored_have_no_part_in_likeness():
+    truth = _left_half_shadowed()
+    away, outside = _column() < 5, _column() >= WIDTH - 5
+    reference = stated_reference(truth, turned_away=away, in_field=~outside)
+    wrong = np.where(away | outside, np.nan, truth)
+    columns = _likeness(wrong, reference, filtered=_filtered(truth), on_map=wrong.astype(np.float32))
+    assert (columns["rmse"], columns["ssim"], columns["flip"]) == (0.0, 1.0, 0.0)
+    assert (columns["approximation_rmse"], columns["discretisation_rmse"]) == (0.0, 0.0)
