@@ -18,7 +18,7 @@ from pydantic import BaseModel, ValidationError
 from shadowbench.camera_pass import render
 from shadowbench.errors import ShadowbenchError
 from shadowbench.light_space import camera_frame
-from shadowbench.method import Changes, Context, Method, Trace, View
+from shadowbench.method import Changes, Context, LightSpaceKernel, Method, Trace, View
 from shadowbench.parameters import describe_parameters
 from shadowbench.receivers import Receivers
 from shadowbench.scene import (
@@ -112,7 +112,8 @@ def _declaration_breaches(name: str, cls: type[Any]) -> Iterator[str]:
 def _result_breaches(
     cls: type[Method], parameters: BaseModel, world: World, light: Light, receivers: Receivers
 ) -> Iterator[str]:
-    first, trace = _run(cls, parameters, world, light, receivers, threads=1)
+    first, trace, breaches = _run(cls, parameters, world, light, receivers, threads=1)
+    yield from breaches
     if first.dtype != np.float32 or first.shape not in ((receivers.count,), (receivers.count, 3)):
         yield f"visibility is {first.dtype} of shape {first.shape}"
         return
@@ -124,7 +125,7 @@ def _result_breaches(
     if not cls.deterministic:
         return
     for what, threads in (("a second run", 1), ("two threads", 2)):
-        other, other_trace = _run(cls, parameters, world, light, receivers, threads=threads)
+        other, other_trace, _ = _run(cls, parameters, world, light, receivers, threads=threads)
         if not np.array_equal(first, other, equal_nan=True):
             yield f"{what} changes {int((first != other).sum())} receivers"
         if trace.counters != other_trace.counters:
@@ -150,9 +151,23 @@ def visibility_breaches(visibility: NDArray[np.float32], receivers: Receivers) -
         yield f"{int(outside.sum())} valid receivers are outside [0, 1], for instance {float(worst):g}"
 
 
+def filter_breaches(kernel: Any, on_map: Any, receivers: Receivers) -> Iterator[str]:
+    """Yield what is wrong with what a method tells of its filter.
+
+    Args:
+        kernel: What :meth:`~shadowbench.method.Method.kernel` returned.
+        on_map: What :meth:`~shadowbench.method.Method.exact_on_map` returned.
+        receivers: Both were asked about these.
+    """
+    if not (kernel is None or isinstance(kernel, LightSpaceKernel)):
+        yield f"kernel() returns a {type(kernel).__name__}, not a LightSpaceKernel or None"
+    if not (on_map is None or np.shape(on_map) == (receivers.count,)):
+        yield f"exact_on_map() has shape {np.shape(on_map)}, not one value for each of {receivers.count} receivers"
+
+
 def _run(
     cls: type[Method], parameters: BaseModel, world: World, light: Light, receivers: Receivers, *, threads: int
-) -> tuple[NDArray[np.float32], Trace]:
+) -> tuple[NDArray[np.float32], Trace, list[str]]:
     context = Context(threads=threads)
     method = cls(parameters, context)
     trace = Trace(context)
@@ -164,7 +179,8 @@ def _run(
         method.build(world.casters, light, view, Changes(light=True, instances=everything, view=True), trace)
         method.shade(receivers, visibility, trace)
         method.explain(receivers, trace)
-        return visibility.numpy().copy(), trace
+        breaches = filter_breaches(method.kernel(receivers), method.exact_on_map(receivers), receivers)
+        return visibility.numpy().copy(), trace, list(breaches)
     finally:
         method.close()
 

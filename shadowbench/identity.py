@@ -27,7 +27,9 @@ import shadowbench
 _KEY_LENGTH = 20
 """Hex digits of a key: 80 bits, so that a million results meet by chance once in 10^12 collections."""
 
-_LIBRARIES = ("numpy", "warp-lang", "pyvista", "vtk", "embreex", "moderngl", "pandas", "sqlalchemy")
+_LIBRARIES = (
+    *("numpy", "scipy", "warp-lang", "pyvista", "vtk", "flip-evaluator", "embreex", "moderngl", "pandas", "sqlalchemy"),
+)
 
 
 def key_of(content: Mapping[str, Any] | Sequence[Any]) -> str:

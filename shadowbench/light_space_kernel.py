@@ -51,10 +51,14 @@ class LightSpaceKernel:
             raise ValueError(f"a kernel's shape is one of {', '.join(get_args(Shape))}, not {self.shape!r}")
         if not (math.isfinite(self.width) and self.width > 0.0):
             raise ValueError(f"a kernel's width is positive and finite, not {self.width!r}")
-        if self.resolution < 1:
-            raise ValueError(f"a window is at least 1 texel wide, not {self.resolution!r}")
+        if self.resolution < 1 or self.resolution % 1:
+            raise ValueError(f"a window is a whole number of texels wide, at least 1, not {self.resolution!r}")
         if self.shape == "gauss" and not (math.isfinite(self.sigma) and self.sigma > 0.0):
             raise ValueError(f"a Gauss kernel's standard deviation is positive and finite, not {self.sigma!r}")
+        # equal kernels are the same kernel, whatever kinds of numbers they were made of
+        object.__setattr__(self, "width", float(self.width))
+        object.__setattr__(self, "resolution", int(self.resolution))
+        object.__setattr__(self, "sigma", float(self.sigma))
 
 
 def footprint_points(kernel: LightSpaceKernel, count: int) -> NDArray[np.float64]:

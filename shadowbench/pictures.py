@@ -18,6 +18,7 @@ from shadowbench.receivers import Receivers
 from shadowbench.scene import DirectionalLight, Light, PointLight, RectangularLight, SpotLight
 
 if TYPE_CHECKING:
+    from shadowbench.filtered_reference import FilteredReference
     from shadowbench.reference import Reference
     from shadowbench.world import World
 
@@ -32,6 +33,11 @@ FAILURE_COLOURS: dict[str, tuple[int, int, int]] = {
 
 _HEAT = np.array([(68, 1, 84), (59, 82, 139), (33, 145, 140), (94, 201, 98), (253, 231, 37)], np.float64)
 """Numbers from small to large: five colours of matplotlib's viridis, read alike with any kind of colour vision."""
+
+ERROR_COLOURS: tuple[tuple[int, int, int], ...] = ((0, 114, 178), (247, 247, 247), (213, 94, 0))
+"""Too dark, right, too lit, from the same palette."""
+
+UNSCORED_GREY = 190
 
 _SKY = np.array([0.22, 0.28, 0.38])
 _BOUNCE = np.array([0.16, 0.15, 0.13])
@@ -96,6 +102,26 @@ def _faded(base: Image8) -> NDArray[np.float64]:
     return np.repeat((110.0 + 0.5 * grey)[..., None], 3, axis=2)
 
 
+def error_picture(receivers: Receivers, scored: Mask, error: NDArray[np.floating]) -> Image8:
+    """Return signed errors on a diverging scale: white for none, blue for too dark, orange for too lit.
+
+    The colour's strength is the root of the error, so that a hundredth can be seen beside the whole.
+
+    Args:
+        receivers: Where the receivers are in the picture.
+        scored: Which have an error; other pixels are grey.
+        error: In [-1, 1], shape [n], or [n, 3] of which the largest channel is shown.
+    """
+    channels = np.where(scored[:, None], error.reshape(len(receivers), -1), 0.0)
+    worst = np.take_along_axis(channels, np.abs(channels).argmax(axis=1)[:, None], axis=1)[:, 0]
+    signed = receivers.picture(worst)
+    share = receivers.picture(scored)[..., None]
+    strength = np.sqrt(np.abs(signed).clip(0.0, 1.0))[..., None]
+    dark, right, lit = (np.array(colour, dtype=np.float64) for colour in ERROR_COLOURS)
+    image = right + strength * (np.where(signed[..., None] < 0.0, dark, lit) - right)
+    return (share * image + (1.0 - share) * UNSCORED_GREY + 0.5).astype(np.uint8)
+
+
 def mask_picture(receivers: Receivers, mask: Mask) -> bytes:
     """Return a mask as a 1-bit PNG, white where any receiver of the pixel is in it."""
     image = np.zeros(receivers.width * receivers.height, dtype=bool)
@@ -126,11 +152,14 @@ def case_pictures(
     visibility: NDArray[np.float32],
     masks: dict[str, Mask],
     numbers: dict[str, NDArray[Any]] | None = None,
+    *,
+    filtered: FilteredReference | None = None,
 ) -> dict[str, bytes]:
     """Return a case's pictures as PNG by name.
 
     ``result``, ``reference``, ``failures``, one ``mask-…`` a measure, and one ``picture-…`` for each of the
-    ``numbers`` that a method reports per receiver.
+    ``numbers`` that a method reports per receiver; of a filtering method also ``filtered-reference``, and its error
+    against that, ``error``.
     """
     result = shaded(world, light, receivers, visibility)
     exact = shaded(world, light, receivers, reference.visibility)
@@ -139,6 +168,10 @@ def case_pictures(
         "reference": png(exact),
         "failures": png(failure_picture(exact, receivers, masks)),
     }
+    if filtered is not None:
+        scored = receivers.valid & reference.in_field & ~reference.turned_away
+        pictures["filtered-reference"] = png(shaded(world, light, receivers, filtered.visibility))
+        pictures["error"] = png(error_picture(receivers, scored, visibility - filtered.visibility))
     for name, mask in masks.items():
         pictures[f"mask-{name.replace('_', '-')}"] = mask_picture(receivers, mask)
     for name, values in (numbers or {}).items():

@@ -33,7 +33,7 @@ ROOMS: dict[str, set[str]] = {
     },
     "likeness": {"receivers"},
     "metrics": {"receivers", "reference", "filtered_reference", "likeness", "world"},
-    "pictures": {"receivers", "reference", "scene", "world"},
+    "pictures": {"receivers", "reference", "filtered_reference", "scene", "world"},
     "plugins": {"errors", "method", "scene"},
     "methods": {
         "errors",
@@ -74,6 +74,7 @@ ROOMS: dict[str, set[str]] = {
             "light_space",
         ),
         *("receivers", "camera_pass", "reference", "metrics", "pictures", "contract", "device", "rows", "store"),
+        *("light_space_kernel", "filtered_reference"),
     },
     "store": {"errors", "rows", "experiment"},
     "tables": {"errors", "rows", "experiment", "metrics", "store"},

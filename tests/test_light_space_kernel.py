@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import asdict
 from itertools import pairwise
 
 import numpy as np
@@ -79,7 +81,8 @@ def test_other_numbers_of_points_are_refused(count):
         (("disc", 5.0, 64), "shape is one of box, gauss, bilinear, not 'disc'"),
         (("box", 0.0, 64), "width is positive"),
         (("box", float("inf"), 64), "width is positive and finite"),
-        (("box", 5.0, 0), "at least 1 texel"),
+        (("box", 5.0, 0), "at least 1, not 0"),
+        (("box", 5.0, 1024.5), "a whole number of texels"),
         (("gauss", 5.0, 64), "standard deviation is positive"),
     ],
 )
@@ -93,3 +96,8 @@ def test_a_very_narrow_and_a_very_wide_deviation_stay_in_the_footprint():
         points = footprint_points(LightSpaceKernel("gauss", 5.0, 64, sigma), 256)
         assert np.isfinite(points).all()
         assert np.abs(points).max() <= 2.5
+
+
+def test_a_kernel_made_of_numpys_numbers_is_the_same_kernel():
+    by_numpy = LightSpaceKernel("gauss", np.float32(5.0), np.int64(64), np.float64(1.1))
+    assert json.dumps(asdict(by_numpy)) == json.dumps(asdict(KERNELS["gauss"]))

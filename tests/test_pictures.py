@@ -5,9 +5,13 @@ import numpy as np
 from builders import SUN, box_over_ground, flat_receivers, stated_reference
 from PIL import Image
 
+from shadowbench.filtered_reference import FilteredReference
 from shadowbench.pictures import (
+    ERROR_COLOURS,
     FAILURE_COLOURS,
+    UNSCORED_GREY,
     case_pictures,
+    error_picture,
     failure_picture,
     heat_picture,
     shaded,
@@ -94,3 +98,35 @@ def test_numbers_by_receiver_come_out_as_heat_maps():
     assert set(pictures) == {"result", "reference", "failures", "picture-largest fill"}
     shown = np.asarray(Image.open(io.BytesIO(pictures["picture-largest fill"])))
     assert tuple(shown[3, 7]) == (253, 231, 37)
+
+
+def test_errors_are_blue_where_too_dark_and_orange_where_too_lit():
+    receivers = flat_receivers(6, 1)
+    error = np.array([-1.0, -0.04, 0.0, 0.04, 1.0, 0.5])
+    image = error_picture(receivers, np.arange(6) < 5, error)[0].astype(int)
+    dark, right, lit = (np.array(colour) for colour in ERROR_COLOURS)
+    assert (image[0] == dark).all()
+    assert (image[2] == right).all()
+    assert (image[4] == lit).all()
+    assert (image[5] == UNSCORED_GREY).all()
+    # a small error is told from none: its colour has the root's strength
+    np.testing.assert_allclose(image[1], right + 0.2 * (dark - right), atol=1)
+    np.testing.assert_allclose(image[3], right + 0.2 * (lit - right), atol=1)
+
+
+def test_of_errors_in_colours_the_largest_is_shown():
+    receivers = flat_receivers(2, 1)
+    error = np.array([[0.1, -0.5, 0.2], [0.3, 0.0, -0.1]])
+    alone = error_picture(receivers, np.ones(2, bool), np.array([-0.5, 0.3]))
+    assert (error_picture(receivers, np.ones(2, bool), error) == alone).all()
+
+
+def test_a_filtering_methods_pictures_show_its_own_reference_and_its_error():
+    receivers = flat_receivers(8, 4)
+    truth, soft = np.ones(32, np.float32), np.full(32, 0.5, np.float32)
+    filtered = FilteredReference(soft, np.zeros_like(soft))
+    pictures = case_pictures(box_over_ground(), SUN, receivers, stated_reference(truth), soft, {}, filtered=filtered)
+    assert set(pictures) == {"result", "reference", "failures", "filtered-reference", "error"}
+    assert pictures["filtered-reference"] == pictures["result"] != pictures["reference"]
+    image = np.asarray(Image.open(io.BytesIO(pictures["error"])))
+    assert (image == ERROR_COLOURS[1]).all()

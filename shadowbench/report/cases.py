@@ -16,6 +16,7 @@ from shadowbench.experiment import Choice
 from shadowbench.report import wording
 from shadowbench.report.embedding import Embedded, Embedder
 from shadowbench.rows import Outcome, ResultRow, RunRecord, own_libraries
+from shadowbench.tables.columns import header_text
 from shadowbench.tables.labels import Labels
 
 Facts = list[tuple[str, str]]
@@ -34,6 +35,17 @@ TIMES = {
 
 _OWN_PICTURE = "picture-"
 """How the names of pictures begin that a method itself drew."""
+
+_FILTER_PICTURES = {
+    "filtered-reference": "reference, filtered with the method's kernel",
+    "error": "error against the filtered reference: blue is too dark, orange too lit",
+}
+"""Pictures of filtering methods, and what is said below them."""
+
+_LIKENESS = (
+    *("rmse", "edge_band_rmse", "interior_rmse", "ssim", "flip", "leak_mean", "leak_p99"),
+    *("approximation_rmse", "discretisation_rmse", "reference_error"),
+)
 
 Key = tuple[str, str, str, str, int, int, int, int]
 
@@ -56,7 +68,7 @@ class Card:
         title: The method with those parameters in which it differs from its neighbours.
         row: What was measured.
         result, failures: Pictures, where there are any.
-        own_pictures: (name, picture) of those that the method itself drew.
+        further_pictures: (name, picture) of the filtered reference, and of those that the method itself drew.
         headline: The few figures that are always shown.
         times: (name, median, 95 % interval).
         stages: With what they leave unexplained as the last one.
@@ -68,7 +80,7 @@ class Card:
     row: ResultRow
     result: Embedded | None
     failures: Embedded | None
-    own_pictures: list[tuple[str, Embedded]]
+    further_pictures: list[tuple[str, Embedded]]
     headline: Facts
     parameters: Facts
     times: list[tuple[str, str, str]]
@@ -137,15 +149,16 @@ def picture_count(rows: Sequence[ResultRow]) -> int:
 
 
 def _is_shown(artifact: str) -> bool:
-    return artifact in ("result", "failures") or artifact.startswith(_OWN_PICTURE)
+    return artifact in ("result", "failures") or artifact in _FILTER_PICTURES or artifact.startswith(_OWN_PICTURE)
 
 
-def _own_pictures(row: ResultRow, embedder: Embedder) -> list[tuple[str, Embedded]]:
+def _further_pictures(row: ResultRow, embedder: Embedder) -> list[tuple[str, Embedded]]:
     found = []
     for name, file in row.artifacts.items():
-        image = embedder.picture(file) if name.startswith(_OWN_PICTURE) else None
+        is_further = name in _FILTER_PICTURES or name.startswith(_OWN_PICTURE)
+        image = embedder.picture(file) if is_further else None
         if image is not None:
-            found.append((name.removeprefix(_OWN_PICTURE), image))
+            found.append((_FILTER_PICTURES.get(name, name.removeprefix(_OWN_PICTURE)), image))
     return found
 
 
@@ -190,7 +203,7 @@ def _cards(run: RunRecord, group: Sequence[ResultRow], view: str, embedder: Embe
                 row=row,
                 result=embedder.picture(result) if result else None,
                 failures=embedder.mask(failures) if failures else None,
-                own_pictures=_own_pictures(row, embedder),
+                further_pictures=_further_pictures(row, embedder),
                 headline=_headline(row),
                 parameters=[(k, str(v)) for k, v in row.method_parameters.items()],
                 times=_times(row),
@@ -210,6 +223,7 @@ def _headline(row: ResultRow) -> Facts:
         ("failure", wording.percent(row.failure_percent)),
         ("false lit", wording.percent(row.false_lit_percent)),
         ("false shadow", wording.percent(row.false_shadow_percent)),
+        ("RMSE", wording.number(row.rmse)),
         ("build", wording.milliseconds(row.build_ms)),
         ("shade", wording.milliseconds(row.shade_ms)),
         ("kept", wording.byte_size(row.bytes_kept)),
@@ -246,10 +260,10 @@ def _measures(row: ResultRow) -> list[tuple[str, str, str]]:
         if value is not None:
             count = wording.count(getattr(row, f"{field}_count"))
             found.append((field.replace("_", " "), wording.percent(value), count))
-    for field in ("rmse", "ssim", "flip", "leak_mean", "leak_p99", "reference_error"):
+    for field in _LIKENESS:
         value = getattr(row, field)
         if value is not None:
-            found.append((field.replace("_", " "), wording.number(value), ""))
+            found.append((header_text(field), wording.number(value), ""))
     return found
 
 

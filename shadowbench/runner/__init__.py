@@ -19,6 +19,7 @@
     kernels.py      compiling kernels beforehand                       worker
     case_host.py    one case: load, warm up, rounds, measures          worker
     camera_host.py  the camera pass, timed in the same rounds          worker
+    peak_memory.py  largest resident size, case by case                worker
 
 The parent process never imports Warp, a plugin or a scene: whatever they do, it lives on and keeps the rows. Names are
 imported from here at first use, since every worker starts by importing this package.

@@ -15,7 +15,7 @@ from typing import Any
 
 import psutil
 
-from shadowbench.identity import available_cores
+from shadowbench.identity import available_cores, key_of
 from shadowbench.rows import Outcome
 from shadowbench.runner.bench import OWN_WORK_TIMEOUT_S, Bench
 from shadowbench.runner.cases import Case, Obstacle
@@ -144,14 +144,61 @@ class Block:
     def finish(self) -> None:
         """Measure what is left, on all cores since nothing is timed any more, keep the rows and park the workers."""
         ahead = available_cores()
+        filtered = self._filter_reference()
         new = [member for member in self._members if not member.is_repeat]
         for index, member in enumerate(new):
             for upcoming in new[index : index + ahead]:
                 if not upcoming.worker.is_busy:
-                    upcoming.worker.begin("measure", {"pictures": str(self._bench.pictures)})
+                    arguments = {"pictures": str(self._bench.pictures), "filtered": filtered[upcoming]}
+                    upcoming.worker.begin("measure", arguments)
             self._finish_one(member)
         for parked in self._everyone():
             self._bench.park(parked.worker)
+
+    def _filter_reference(self) -> dict[Member, str | None]:
+        """Have the view's reference filtered, once for each different kernel.
+
+        Returns:
+            The name of the cache's entry for each case that needs a row; ``None`` for a hard test, or where the
+            reference cannot be made. A case that cannot tell its kernel ends here.
+        """
+        bench, found = self._bench, dict[Member, str | None]()
+        entry_of: dict[str, str | None] = {}
+        for member in [member for member in self._members if not member.is_repeat]:
+            bench.observer.case_started(member.case, "filter the truth")
+            try:
+                kernel = member.worker.ask("kernel", {}, bench.options.timeout_s)
+            except CaseFailure as failure:
+                self._members.remove(member)
+                self._fail(member.case, member.worker, failure, is_repeat=False)
+                continue
+            found[member] = None
+            if kernel is not None:
+                key = key_of(kernel)
+                if key not in entry_of:
+                    entry_of[key] = self._filtered_entry(member.case, kernel)
+                found[member] = entry_of[key]
+        return found
+
+    def _filtered_entry(self, case: Case, kernel: dict[str, Any]) -> str | None:
+        """Return the name of a filtered reference in the cache, or ``None`` if it cannot be made."""
+        bench, cores = self._bench, available_cores()
+        worker = bench.pool.take(cores)
+        arguments = {
+            "cache": bench.cache,
+            "entries": self._entries,
+            "light": case.view.light,
+            "kernel": kernel,
+            "threads": cores,
+        }
+        try:
+            entry: str = worker.ask("prepare_filtered", arguments, OWN_WORK_TIMEOUT_S)
+        except CaseFailure as failure:
+            worker.kill()
+            bench.observer.note(f"{case.view}: the reference cannot be filtered: {failure.reason}")
+            return None
+        bench.park(worker)
+        return entry
 
     def _everyone(self) -> Sequence[Member | CameraMember]:
         return [*self._members, *([] if self._camera is None else [self._camera])]

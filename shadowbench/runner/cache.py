@@ -21,7 +21,9 @@ _ALIGNMENT = 64
 """A cache line, and more than any NumPy or Warp type asks for."""
 
 _NUMPY_NAMES = frozenset({"ndarray", "dtype", "scalar", "_frombuffer", "_reconstruct"})
-_MODEL_MODULES = frozenset(f"shadowbench.{name}" for name in ("scene", "world", "receivers", "reference"))
+_MODEL_MODULES = frozenset(
+    f"shadowbench.{name}" for name in ("scene", "world", "receivers", "reference", "filtered_reference")
+)
 
 
 class CacheMissError(LookupError):

@@ -10,11 +10,10 @@ import gc
 import hashlib
 import math
 import os
-import resource
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,18 +21,20 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from shadowbench.contract import visibility_breaches
+from shadowbench.contract import filter_breaches, visibility_breaches
 from shadowbench.device.launch import Context, synchronize
 from shadowbench.errors import InvalidResultError
 from shadowbench.light_space import camera_frame
 from shadowbench.method import Changes, Method, Trace, View
-from shadowbench.metrics import measure
+from shadowbench.metrics import measure, measure_likeness
 from shadowbench.parameters import parse_parameters
 from shadowbench.pictures import case_pictures, png
 from shadowbench.runner.cache import Cache
 from shadowbench.runner.kernels import load_kernels
+from shadowbench.runner.peak_memory import forget_peak, peak_bytes
 
 if TYPE_CHECKING:
+    from shadowbench.filtered_reference import FilteredReference
     from shadowbench.plugins import Registry
     from shadowbench.receivers import Receivers
     from shadowbench.reference import Reference
@@ -90,11 +91,11 @@ class CaseHost:
         Returns:
             ``skipped`` with a reason, or ``kernels``: how long each Warp module took to load [ms].
         """
-        _reset_peak()
-        opened = Cache(Path(cache))
-        self._world: World = opened.open(entries["world"])
-        self._receivers: Receivers = opened.open(entries["receivers"])
-        self._reference: Reference = opened.open(entries["reference"])
+        forget_peak()
+        self._cache = Cache(Path(cache))
+        self._world: World = self._cache.open(entries["world"])
+        self._receivers: Receivers = self._cache.open(entries["receivers"])
+        self._reference: Reference = self._cache.open(entries["reference"])
         self._light: Light = self._world.lights[light]
         self._context = Context(device, threads)
         cls = self._registry.method(method)
@@ -144,17 +145,32 @@ class CaseHost:
         build_ms, shade_ms = self._frame()
         return {"build": build_ms, "shade": shade_ms, "stages": self._trace.stages}
 
-    def measure(self, pictures: Path) -> dict[str, Any]:
-        """Compare the result with the reference and draw it.
+    def kernel(self) -> dict[str, Any] | None:
+        """Return the kernel that the reference must be filtered with, ``None`` for a hard test.
+
+        Raises:
+            InvalidResultError: What the method tells of its filter breaks the contract.
+        """
+        assert self._method is not None
+        self._peak = peak_bytes()
+        kernel = self._method.kernel(self._receivers)
+        self._on_map = self._method.exact_on_map(self._receivers)
+        for breach in filter_breaches(kernel, self._on_map, self._receivers):
+            raise InvalidResultError(breach)
+        self._is_filtering = kernel is not None
+        return None if kernel is None else asdict(kernel)
+
+    def measure(self, pictures: Path, filtered: str | None) -> dict[str, Any]:
+        """Compare the result with the reference and draw it; :meth:`kernel` comes first.
 
         Args:
             pictures: A folder to write the pictures to.
+            filtered: Name of the filtered reference in the cache; ``None`` for a hard test, or if it cannot be made.
 
         Raises:
             InvalidResultError: A mask or a heat map has not one value per receiver.
         """
         assert self._method is not None
-        peak = _peak_rss()
         trace = self._trace
         self._tell_phase("explain")
         self._method.explain(self._receivers, trace)
@@ -169,6 +185,8 @@ class CaseHost:
         visibility = self._visibility.numpy()
         visibility[~self._reference.in_field] = 0.0  # the light does not reach there, whatever the method wrote
         found = measure(self._world, self._receivers, self._reference, visibility, trace.masks)
+        aim: FilteredReference | None = None if filtered is None else self._cache.open(filtered)
+        columns = found.columns | self._likeness(aim)
         drawn = case_pictures(
             self._world,
             self._light,
@@ -177,6 +195,7 @@ class CaseHost:
             visibility,
             found.masks | trace.masks,
             trace.heats,
+            filtered=aim,
         )
         drawn |= {f"picture-{name}": png(image) for name, image in trace.pictures.items()}
         files = {}
@@ -187,16 +206,24 @@ class CaseHost:
         if self._changed_count:
             self._warnings.append(f"up to {self._changed_count} receivers changed between repeats")
         return {
-            "columns": {name: _plain(value) for name, value in found.columns.items()},
+            "columns": {name: _plain(value) for name, value in columns.items()},
             "pictures": files,
             "counters": trace.counters,
             "kept": trace.bytes_by_name(),
             "self_hit": self._method.self_hit_rule(),
             "view_dependent": self._method.is_view_dependent(),
             "visibility_digest": self._first_digest,
-            "peak_rss_bytes": peak,
+            "peak_rss_bytes": self._peak,
             "warnings": self._warnings,
         }
+
+    def _likeness(self, filtered: FilteredReference | None) -> dict[str, Any]:
+        """Return the measures against the reference that the method aims at."""
+        if self._is_filtering and filtered is None:
+            self._warnings.append("the filtered reference could not be made: measures against it are empty")
+            return {}
+        visibility = self._visibility.numpy()
+        return measure_likeness(self._receivers, self._reference, visibility, filtered=filtered, on_map=self._on_map)
 
     def close(self) -> None:
         """Let go of the method and its memory."""
@@ -274,24 +301,3 @@ def _plain(value: Any) -> Any:
     """Return a column's value as JSON has it; what is not finite does not apply."""
     value = value.item() if isinstance(value, np.generic) else value
     return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def _reset_peak() -> None:
-    """Have the kernel forget the largest resident size of this process's earlier cases (Linux)."""
-    if sys.platform == "linux":
-        try:
-            Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
-        except OSError:  # not allowed in some containers; the peak is then that of the process's whole life
-            return
-
-
-def _peak_rss() -> int:
-    """Return the largest resident size so far [bytes]."""
-    try:
-        for line in Path("/proc/self/status").read_text(encoding="ascii").splitlines():
-            if line.startswith("VmHWM:"):
-                return int(line.split()[1]) * 1024
-    except OSError:
-        pass
-    unit = 1 if sys.platform == "darwin" else 1024
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit

@@ -166,7 +166,7 @@ class Observer(Protocol):
         """Tell that the run begins, and how many of its cases have no row yet."""
 
     def case_started(self, case: Case, phase: str) -> None:
-        """Tell that a step of a case begins: ``load``, ``warm up``, ``round 3`` or ``measure``.
+        """Tell that a step of a case begins: ``load``, ``warm up``, ``round 3``, ``filter the truth`` or ``measure``.
 
         The first case of a comparison also stands for what is done for all: ``compile`` and ``prepare``.
         """

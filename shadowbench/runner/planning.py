@@ -226,7 +226,7 @@ class _Resolver:
                 "view": [view.light, view.camera, view.width, view.height, view.pixel_samples, view.layers],
                 "method": [method, parameters, described["code"]],
                 "platform": [self._device["kind"], self._device["warp"], described["libraries"]],
-                "truth": [self._device["truth"], self._device["metric_version"]],
+                "truth": [self._device["truth"], self._device["measures"]],
             }
         )
         return Case(

@@ -1,7 +1,8 @@
 """What cases share, made once and kept in the cache: placed worlds, receivers, and ground truth.
 
 Runs in a worker. A scene is made when the plan is (its lights and cameras must be known); receivers and reference of a
-view are made before the first case that needs them. Each is keyed by what it is made of, contents and code alike.
+view are made before the first case that needs them, and the reference is filtered after the last round, for each kernel
+that a method told. Each is keyed by what it is made of, contents and code alike.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from shadowbench.device.launch import Context
 from shadowbench.identity import code_digest, content_digest, key_of
+from shadowbench.light_space_kernel import LightSpaceKernel
 from shadowbench.parameters import parse_parameters
 from shadowbench.runner.cache import Cache, CacheMissError
 from shadowbench.world import World, place
@@ -114,3 +116,35 @@ def prepare(folder: Path, view: dict[str, Any], threads: int) -> dict[str, Any]:
         "reference": reference_entry,
         "receiver_count": receivers.count,
     }
+
+
+def prepare_filtered(folder: Path, entries: dict[str, str], light: str, kernel: dict[str, Any], threads: int) -> str:
+    """Filter the ground truth of a view with a kernel unless the cache has it.
+
+    Args:
+        folder: Of the cache.
+        entries: As :func:`prepare` returns them.
+        light: The view's, a name in the world.
+        kernel: A :class:`shadowbench.light_space_kernel.LightSpaceKernel` as a dictionary.
+        threads: To compute with; the result is the same for any number.
+
+    Returns:
+        The name of the cache's entry.
+
+    Raises:
+        CacheMissError: What the view is made of was removed meanwhile.
+    """
+    from shadowbench.filtered_reference import POINT_COUNT, filtered_reference
+
+    cache = Cache(folder)
+    made_of = [entries["reference"], kernel, POINT_COUNT, code_digest("shadowbench.filtered_reference")]
+    entry = f"filtered-{key_of(made_of)}"
+    if not cache.has(entry):
+        world: World = cache.open(entries["world"])
+        receivers: Receivers = cache.open(entries["receivers"])
+        reference: Reference = cache.open(entries["reference"])
+        filtered = filtered_reference(
+            world, receivers, world.lights[light], reference, LightSpaceKernel(**kernel), Context("cpu", threads)
+        )
+        cache.store(entry, filtered)
+    return entry

@@ -40,8 +40,8 @@ def describe_device(device: str) -> dict[str, Any]:
         raise UsageError(f"there is no device '{device}'; this machine has: {known}") from None
     return {
         "kind": "cuda" if found.is_cuda else "cpu",
-        "truth": key_of([code_digest("shadowbench.camera_pass"), code_digest("shadowbench.reference")]),
-        "metric_version": METRIC_VERSION,
+        "truth": key_of([code_digest(f"shadowbench.{name}") for name in ("camera_pass", "filtered_reference")]),
+        "measures": key_of([METRIC_VERSION, library_version("scipy"), library_version("flip-evaluator")]),
         "warp": library_version("warp-lang") or "",
     }
 

@@ -82,17 +82,25 @@ class Desk:
 
     def compile_kernels(self, methods: list[str], device: str) -> dict[str, float]:
         """Compile the kernels of methods and of what prepares their views; see :mod:`shadowbench.runner.kernels`."""
-        import shadowbench.reference  # noqa: F401 - its kernels must be there to be found
+        import shadowbench.filtered_reference  # noqa: F401 - its kernels must be there to be found
         from shadowbench.runner.kernels import load_kernels
 
         plugins = [self.registry.method(name).__module__ for name in methods]
-        return load_kernels(["shadowbench.camera_pass", "shadowbench.reference", *plugins], device)
+        return load_kernels(["shadowbench.camera_pass", "shadowbench.filtered_reference", *plugins], device)
 
     def prepare(self, cache: str, view: dict[str, Any], threads: int) -> dict[str, Any]:
         """See :func:`shadowbench.runner.preparation.prepare`."""
         from shadowbench.runner import preparation
 
         return preparation.prepare(Path(cache), view, threads)
+
+    def prepare_filtered(
+        self, cache: str, entries: dict[str, str], light: str, kernel: dict[str, Any], threads: int
+    ) -> str:
+        """See :func:`shadowbench.runner.preparation.prepare_filtered`."""
+        from shadowbench.runner import preparation
+
+        return preparation.prepare_filtered(Path(cache), entries, light, kernel, threads)
 
     def load_case(self, **case: Any) -> dict[str, Any]:
         """Become the host of a case: :meth:`shadowbench.runner.case_host.CaseHost.load`."""
@@ -118,9 +126,13 @@ class Desk:
         """See the host."""
         return self._host.round()
 
-    def measure(self, pictures: str) -> dict[str, Any]:
+    def kernel(self) -> dict[str, Any] | None:
         """See the host."""
-        return self._host.measure(Path(pictures))
+        return self._host.kernel()
+
+    def measure(self, pictures: str, filtered: str | None) -> dict[str, Any]:
+        """See the host."""
+        return self._host.measure(Path(pictures), filtered)
 
     def close(self) -> None:
         """Let go of the case."""

@@ -32,6 +32,9 @@ DEFAULT_VALUES = (
     "peter_panning_percent",
     "classified_percent",
     "rmse",
+    "ssim",
+    "flip",
+    "leak_mean",
 )
 """Values of the default table; those that no row holds are left out."""
 

@@ -67,6 +67,22 @@ def test_pictures_that_a_method_drew_itself_are_shown_and_counted(store: Store) 
     row = row.model_copy(update={"artifacts": row.artifacts | own})
     assert picture_count([row]) == 4
     (view,) = scene_views(some_run(), [row], Embedder(store.artifact, picture_count=4, byte_budget=1_000_000))
-    ((name, picture),) = view.cards[0].own_pictures
+    ((name, picture),) = view.cards[0].further_pictures
     assert name == "BSP over the samples"
     assert (picture.width, picture.height) == (64, 48)
+
+
+def test_the_filtered_reference_and_the_error_against_it_are_shown_and_measured(store: Store) -> None:
+    row = with_pictures(store, some_row(rmse=0.05, leak_p99=0.2))
+    more = {name: store.put_artifact(png(seed), "png") for seed, name in ((8, "filtered-reference"), (9, "error"))}
+    row = row.model_copy(update={"artifacts": row.artifacts | more})
+    assert picture_count([row]) == 5
+    (view,) = scene_views(some_run(), [row], Embedder(store.artifact, picture_count=5, byte_budget=1_000_000))
+    names = [name for name, _ in view.cards[0].further_pictures]
+    assert names == [
+        "reference, filtered with the method's kernel",
+        "error against the filtered reference: blue is too dark, orange too lit",
+    ]
+    assert ("RMSE", "0.05000") in view.cards[0].headline
+    measured = {name: value for name, value, _ in view.cards[0].measures}
+    assert measured.items() >= {"RMSE": "0.05000", "leak 99th percentile": "0.2000"}.items()
