@@ -147,6 +147,7 @@ class IrregularStrips:
     def cells(self) -> NDArray[np.float32]:
         """Return boxes of ``CELLS_SHOWN`` neighbouring cells each, as high as their strip's samples, shape [n, 4]."""
         strips = self._strips.numpy()
+        strips = strips[strips["low"][:, 1] <= strips["high"][:, 1]]  # the others hold no sample and have no bounds
         edges = np.arange(0, self._cell_count + CELLS_SHOWN, CELLS_SHOWN).clip(max=self._cell_count)
         x = strips["first_x"][:, None] + edges / strips["cells_per_unit"][:, None]
         y = (np.broadcast_to(strips[bound][:, 1, None], x.shape)[:, 1:] for bound in ("low", "high"))

@@ -7,6 +7,7 @@ from surfaces import scattered_receivers, soup, world_of
 from tracing import shaded
 
 from shadowbench.device.launch import Context
+from shadowbench.method import Trace
 from shadowbench.methods.irregular_z_buffer import IrregularZBuffer
 from shadowbench.scene import RectangularLight
 
@@ -56,6 +57,23 @@ def test_one_object_shades_frames_of_different_sizes():
         receivers = scattered_receivers(world, count, np.random.default_rng(count))
         for light in ("directional", "point inside"):
             assert differing(shader, world, receivers, light)[0] == 0
+
+
+@pytest.mark.parametrize("parameters", [{}, {"layout": "uniform"}, {"layout": "uniform", "resolution": 7}])
+@pytest.mark.parametrize("light", ["directional", "spot", "point inside"])
+@pytest.mark.parametrize("count", [3, 3000])
+def test_it_shows_the_cells_of_strips_that_hold_samples_and_no_others(parameters, light, count):
+    world = world_of(soup(200, np.random.default_rng(6)), lights=LIGHTS)
+    receivers = scattered_receivers(world, count, np.random.default_rng(7))
+    shader = method(**parameters)
+    shaded(shader, world, world.lights[light], receivers)
+    cells = shader._rasterizer.cells()
+    assert len(cells) > 0
+    assert np.isfinite(cells).all()
+    assert (cells[:, :2] <= cells[:, 2:]).all()
+    trace = Trace(Context())
+    shader.explain(receivers, trace)
+    assert {"samples in light space", "cells over the samples"} <= trace.pictures.keys()
 
 
 def test_what_is_not_asked_for_stays_dark_and_unsampled():
