@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -62,6 +63,24 @@ def needles() -> tuple[World, Receivers]:
 
 
 WORLDS = {"small soup": lambda: soup_of(60), "soup": lambda: soup_of(5000), "solids": solids, "needles": needles}
+
+
+def scaled(world: World, receivers: Receivers, factor: float) -> tuple[World, Receivers]:
+    """The same in another unit of length. A power of two changes exponents only, so no shadow may change."""
+
+    def light_scaled(light: Any) -> Any:
+        if isinstance(light, DirectionalLight):
+            return light
+        near = None if light.near is None else light.near * factor
+        return replace(light, position=tuple(c * factor for c in light.position), near=near)
+
+    lights = {name: light_scaled(light) for name, light in world.lights.items()}
+    vertices = world.vertices * np.float32(factor)
+    eye = tuple(c * factor for c in receivers.eye)
+    return (
+        replace(world, vertices=vertices, scale=world.scale * factor, lights=lights),
+        replace(receivers, position=receivers.position * np.float32(factor), eye=eye),
+    )
 
 
 def differing(method: Method, world: World, receivers: Receivers, light: str) -> tuple[int, Trace]:

@@ -116,15 +116,15 @@ BATCH = wp.constant(16)
     const lanes ab_ab = ab[0] * ab[0] + ab[1] * ab[1] + ab[2] * ab[2];
     const lanes ac_ac = ac[0] * ac[0] + ac[1] * ac[1] + ac[2] * ac[2];
     irregular |= (side == 0.0) | (squared <= needle * ab_ab * ac_ac);
-    nx = side > 0.0 ? -nx : nx; ny = side > 0.0 ? -ny : ny; nz = side > 0.0 ? -nz : nz;
-    offset = side > 0.0 ? -offset : offset;
+    const lanes inverse_length = 1.0 / __builtin_elementwise_sqrt(squared),
+                inverse = side > 0.0 ? -inverse_length : inverse_length;
+    nx *= inverse; ny *= inverse; nz *= inverse; offset *= inverse;
     lanes p[4];
     for (int r = 0; r < 4; ++r) {
         const auto& m = space.plane_from_world.data[r];
         p[r] = m[0] * nx + m[1] * ny + m[2] * nz + m[3] * offset;
     }
-    const lanes shift = __builtin_elementwise_sqrt(squared) * space.tolerance;
-    const double one_inverse = perspective ? space.farthest_inverse : 1.0;
+    const double shift = space.tolerance, one_inverse = perspective ? space.farthest_inverse : 1.0;
     const lanes depth = perspective ? p[2] + shift : p[2], one = p[3] - shift * one_inverse;
     const lanes of_depth = plane_band * __builtin_elementwise_abs(depth);
     const lanes scaled = perspective ? of_depth : (lanes)0.0;

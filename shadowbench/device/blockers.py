@@ -232,12 +232,15 @@ def with_plane(blocker: Blocker, space: SampleSpace, a: wp.vec3, b: wp.vec3, c: 
     # float64 knows the normal's direction unless the triangle is a needle of 1 : 2^26
     if is_doubtful or side == zero or squared <= NEEDLE * wp.dot(ab, ab) * wp.dot(ac, ac):
         return blocker  # all is left to the exact predicate
+    # of unit length, or the products of three lengths that follow would leave float32's range in a scene of any size
+    inverse = wp.float64(1.0) / wp.sqrt(squared)
     if side > zero:  # a sample behind the plane is on the side away from the light
-        n = -n
-        offset = -offset
+        inverse = -inverse
+    n = n * inverse
+    offset = offset * inverse
     p = space.plane_from_world * wp.vec4d(n[0], n[1], n[2], offset)
     # the tolerance is a distance too: divided by w under a perspective frame, where 1/w = 1/far - depth
-    shift = wp.sqrt(squared) * space.tolerance
+    shift = space.tolerance
     one_inverse = wp.float64(1.0)
     p_depth = p[2]
     p_one = p[3] - shift

@@ -39,8 +39,8 @@ class SampleSpace:
     Attributes:
         light: As the exact predicate sees it.
         window_from_world: Rows (x w, y w, depth, w); the depth row is 0 under a perspective frame.
-        plane_from_world: Maps a world plane (n, -n . a) to (cx, cy, cd, c1) with cx x + cy y + cd depth + c1 the
-            signed distance of a sample from it, times |n|, divided by w.
+        plane_from_world: Maps a world plane (n, -n . a), |n| = 1, to (cx, cy, cd, c1) with cx x + cy y + cd depth + c1
+            the signed distance of a sample from it, divided by w.
         farthest_inverse: 1/far of a perspective frame, 0 for an orthographic one.
         is_perspective: 1 or 0.
         tolerance: The predicate's delta [scene units].

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from builders import square
-from irregular import LIGHTS, WORLDS, differing, soup_of
+from irregular import LIGHTS, WORLDS, differing, scaled, soup_of
 from surfaces import receivers_at, scattered_receivers, world_of
 from tracing import shaded
 
@@ -21,6 +21,17 @@ def method(threads=1, **parameters):
 def test_every_receiver_is_what_the_ground_truth_says(world, light):
     placed, receivers = WORLDS[world]()
     assert differing(method(), placed, receivers, light)[0] == 0
+
+
+@pytest.mark.parametrize("power", [-48, -30, 30, 48])
+def test_the_unit_of_length_changes_no_shadow(power):
+    world, receivers = soup_of(500)
+    moved, moved_receivers = scaled(world, receivers, 2.0**power)
+    for light in ("directional", "spot with a near plane", "point inside"):
+        truth, _ = shaded(method(), world, world.lights[light], receivers)
+        assert differing(method(), moved, moved_receivers, light)[0] == 0
+        found, _ = shaded(method(), moved, moved.lights[light], moved_receivers)
+        np.testing.assert_array_equal(found, truth)
 
 
 @pytest.mark.parametrize(
