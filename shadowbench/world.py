@@ -39,7 +39,11 @@ RECENTRE_RATIO = 4.0
 """A scene is recentred if its centre is farther from the origin than this many times its half extent."""
 
 _LARGEST_COORDINATE = 1e30
-"""Products of three coordinates must stay finite in float64 and squares finite in float32 filters' bounds."""
+"""Products of three coordinates must stay finite in float64."""
+
+SMALLEST_SCALE, LARGEST_SCALE = 1e-15, 1e15
+"""Limits of a placed world's largest coordinate. Far beyond them products of two leave float32's range, in which
+tracers filter, and shadows would be wrong."""
 
 
 def bounds_of(points: NDArray[np.floating]) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -229,7 +233,7 @@ def place(scene: Scene) -> World:
     """Place a scene: instances to world space, recentred, rounded to float32.
 
     Raises:
-        SceneError: A placed coordinate is not finite or too large.
+        SceneError: A placed coordinate is not finite or too large, or the scene as a whole too large or too small.
     """
     placed = [_place_instance(scene.meshes[i.mesh], i) for i in scene.instances]
     low = np.min([bounds_of(p)[0] for p in placed], axis=0)
@@ -239,6 +243,12 @@ def place(scene: Scene) -> World:
     origin = _recentring_origin((low + high) / 2.0, float((high - low).max()) / 2.0)
 
     vertices = np.concatenate([(p - origin).astype(np.float32) for p in placed])
+    scale = float(np.abs(vertices).max()) or 1.0
+    if not SMALLEST_SCALE <= scale <= LARGEST_SCALE:
+        raise SceneError(
+            f"the scene's largest coordinate is {scale:.3g}, but must lie between {SMALLEST_SCALE:g} and "
+            f"{LARGEST_SCALE:g}: scale it"
+        )
     first_vertex = np.cumsum([0] + [len(p) for p in placed])
     triangles = np.concatenate(
         [scene.meshes[i.mesh].triangles + np.int32(first_vertex[k]) for k, i in enumerate(scene.instances)]
@@ -251,7 +261,7 @@ def place(scene: Scene) -> World:
         triangles=triangles.astype(np.int32),
         first_triangle=np.cumsum([0, *counts]).astype(np.int64),
         origin=(float(origin[0]), float(origin[1]), float(origin[2])),
-        scale=float(np.abs(vertices).max()) or 1.0,
+        scale=scale,
         lights={name: _place_light(light, origin) for name, light in scene.lights.items()},
         cameras={
             name: replace(c, eye=_shifted(c.eye, origin), target=_shifted(c.target, origin))

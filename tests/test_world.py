@@ -137,6 +137,12 @@ def test_coordinates_beyond_reason_are_refused(instance: Instance) -> None:
         place(_scene(instance))
 
 
+@pytest.mark.parametrize("size", [1e-20, 1e-16, 2e15, 1e20])
+def test_scenes_too_large_or_too_small_for_float32_are_refused(size: float) -> None:
+    with pytest.raises(SceneError, match=r"between 1e-15 and 1e\+15: scale it"):
+        place(_scene(Instance(1, scale=(size, size, size))))
+
+
 def test_casters_share_the_worlds_arrays_where_everything_casts() -> None:
     world = place(_scene(Instance(0), Instance(1)))
     assert world.casters.vertices is world.vertices
