@@ -79,3 +79,14 @@ def test_classified_failures_are_printed_growing_with_the_window(name: str) -> N
             assert values == sorted(values)
         if rows:
             assert all(z >= t for z, t in zip(rows["z-max"], rows["threshold"], strict=True))
+
+
+def test_one_map_of_the_same_bytes_stands_beside_the_instanced_papers_twelve() -> None:
+    paper = experiment.load("buntin-stamminger-figure-5")
+    (twelve,) = (case.values["bytes_kept"] for case in paper.tables[0].printed if "bytes_kept" in case.values)
+    assert twelve == 12 * 512 * 512 * 4
+    (comparison,) = paper.comparisons
+    of_one_map = [
+        4 * int(v["resolution"]) ** 2 for m in comparison.methods if m.name == "shadow-map" for v in m.expand()
+    ]
+    assert min(abs(size / twelve - 1.0) for size in of_one_map) < 1e-3
