@@ -51,11 +51,15 @@ def _require_file(path: Path) -> None:
     try:
         if path.is_dir():
             raise SceneError(f"{path}: is a folder; name one mesh file in it ({_listed(path)})")
+        if path.is_symlink() and not path.exists():
+            raise SceneError(f"{path}: is a link to {path.readlink()}, where there is no file")
         if not path.exists():
             raise SceneError(f"{path}: no such file; {_nearest(path)}")
         if path.suffix.lower() not in EXTENSIONS:
             kind = f"extension '{path.suffix}'" if path.suffix else "a name without an extension"
             raise SceneError(f"{path}: {kind} is not a mesh format read here; known: {', '.join(EXTENSIONS)}")
+        if not path.is_file():
+            raise SceneError(f"{path}: is a pipe, socket or device, not a file; write it to a file first")
         if path.stat().st_size == 0:
             raise SceneError(f"{path}: the file is empty (0 bytes); export or copy it again")
     except OSError as error:

@@ -44,6 +44,8 @@ def read(path: Path) -> Polygons:
     except json.JSONDecodeError as error:
         where = f"{path}:{error.lineno}" if chunk is None else f"{path}"
         raise SceneError(f"{where}: is not valid glTF: {error.msg}; {_REMEDY}") from None
+    except RecursionError:
+        raise SceneError(f"{path}: is not valid glTF: brackets nested too deeply; {_REMEDY}") from None
     except UnicodeDecodeError:
         raise SceneError(f"{path}: is not valid glTF: neither GLB nor text; {_REMEDY}") from None
     if not isinstance(document, dict) or "asset" not in document:

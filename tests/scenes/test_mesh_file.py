@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -122,6 +123,19 @@ def test_a_folder_lists_its_meshes(tmp_path: Path, capfd: pytest.CaptureFixture[
     assert "(solid.ply)" in _message(tmp_path, capfd)
 
 
+def test_a_link_to_nothing_says_where_it_leads(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    for name, target in (("astray.ply", "gone.ply"), ("loop.ply", "loop.ply")):
+        path = tmp_path / name
+        path.symlink_to(target)
+        assert _message(path, capfd) == f"{path}: is a link to {target}, where there is no file"
+
+
+def test_a_pipe_is_refused_instead_of_waited_for(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "pipe.ply"
+    os.mkfifo(path)
+    assert "not a file" in _message(path, capfd)
+
+
 def test_an_unknown_extension_lists_the_known_ones(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     message = _message(written(tmp_path, "solid.step", "x"), capfd)
     assert "'.step'" in message
@@ -150,6 +164,7 @@ def test_an_empty_file_is_refused(tmp_path: Path, name: str, capfd: pytest.Captu
         ("flat.obj", "v 0 0 0\nv 1 1 1\nv 2 2 2\nf 1 2 3\nf 1 1 2\n", ["none of its 2 faces has an area"]),
         ("cut.glb", glb(*gltf_document())[:-8], ["cut short"]),
         ("html.gltf", "<html>", ["html.gltf:1:", "not valid glTF"]),
+        ("deep.gltf", "[" * 100_000, ["not valid glTF", "nested too deeply"]),
     ],
 )
 def test_a_damaged_file_is_one_line(
