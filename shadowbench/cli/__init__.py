@@ -20,11 +20,13 @@ Commands import what they need when they run: ``shadowbench --help`` must not wa
 from __future__ import annotations
 
 import errno
+import io
 import os
 import sys
 import tempfile
 import traceback
 from collections.abc import Sequence
+from pathlib import Path
 
 import typer
 
@@ -50,6 +52,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     from shadowbench.cli.app import app
 
     given = list(sys.argv[1:] if arguments is None else arguments)
+    _make_streams_take_all()
     try:
         ended = app(args=given, prog_name="shadowbench", standalone_mode=False, obj=tuple(given))
         sys.stdout.flush()
@@ -67,6 +70,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except Exception as error:  # noqa: BLE001 - the last line of defence: a user never sees a traceback
         return _unforeseen(error)
     return ended if isinstance(ended, int) else ExitStatus.OK
+
+
+def _make_streams_take_all() -> None:
+    """Let standard output and error take every character, and exist.
+
+    What their encoding lacks (a non-UTF-8 locale, half a character in a file's name) becomes a question mark; a stream
+    that the caller closed becomes the null device, before a results file can take its number.
+    """
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:
+            setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115 - as long as the process
+        elif isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
 
 
 def _refused(message: str, error: BaseException) -> int:

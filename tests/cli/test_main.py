@@ -133,6 +133,25 @@ def test_reader_that_has_seen_enough_is_no_error(results: Path) -> None:
     assert (ended.returncode, ended.stderr) == (ExitStatus.READER_GONE, "")
 
 
+def test_characters_that_the_terminal_lacks_become_question_marks() -> None:
+    command = [sys.executable, "-m", "shadowbench", "show", "pcf"]
+    said = [
+        subprocess.run(command, capture_output=True, check=True, env=os.environ | {"PYTHONIOENCODING": encoding}).stdout
+        for encoding in ("utf-8", "ascii")
+    ]
+    whole = said[0].decode("utf-8")
+    assert not whole.isascii()
+    assert said[1].decode("ascii") == re.sub("[^\\x00-\\x7f]", "?", whole)
+
+
+@pytest.mark.parametrize("arguments", [["table", "latest", "-f", "csv"], ["list", "methods"], ["--help"]])
+def test_closed_output_is_no_error(results: Path, arguments: list[str]) -> None:
+    line = f"exec {sys.executable} -m shadowbench {' '.join(arguments)} >&-"
+    environment = os.environ | {"SHADOWBENCH_RESULTS": str(results)}
+    ended = subprocess.run(["bash", "-c", line], capture_output=True, text=True, check=False, env=environment)
+    assert (ended.returncode, ended.stderr) == (0, "")
+
+
 def test_no_colour_off_a_terminal(command: Command, results: Path) -> None:
     assert "\x1b" not in command("table", "latest", "--results", str(results)).out
 
