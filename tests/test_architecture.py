@@ -56,8 +56,11 @@ ROOMS: dict[str, set[str]] = {
     "rows": set(),
     "choices": set(),
     "toml_lines": set(),
-    "experiment_file": {"errors", "rows", "choices", "toml_lines"},
-    "experiment": {"errors", "rows", "choices", "experiment_file"},
+    "toml_values": {"errors", "rows", "choices"},
+    "claim": {"errors"},
+    "claim_file": {"errors", "claim", "toml_values"},
+    "experiment_file": {"errors", "choices", "claim_file", "toml_lines", "toml_values"},
+    "experiment": {"errors", "rows", "choices", "claim", "experiment_file"},
     "experiments": set(),
     "identity": {"errors", "rows", "plugins"},
     "runner": {
@@ -77,7 +80,7 @@ ROOMS: dict[str, set[str]] = {
         *("light_space_kernel", "filtered_reference"),
     },
     "store": {"errors", "rows", "experiment"},
-    "tables": {"errors", "rows", "experiment", "metrics", "store"},
+    "tables": {"errors", "rows", "claim", "experiment", "metrics", "store"},
     "report": {"errors", "rows", "experiment", "metrics", "store", "tables", "pictures"},
     "cli": {"*"},
 }

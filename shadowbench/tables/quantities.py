@@ -91,6 +91,11 @@ def ratio_of(row: ResultRow, name: str, to_row: ResultRow, to_name: str) -> Quan
     in_same_rounds = row.comparison and row.comparison == to_row.comparison and len(rounds) == len(to_rounds)
     if in_same_rounds and rounds and min(*rounds, *to_rounds) > 0.0:
         return _by_round([a / b for a, b in zip(rounds, to_rounds, strict=True)])
+    return divided(one, other)
+
+
+def divided(one: Quantity, other: Quantity) -> Quantity:
+    """Return the ratio of two numbers that are not negative, as far as their intervals tell."""
     low = one.low / other.high if other.high > 0.0 and one.low > 0.0 else 0.0
     return Quantity(one.value / other.value, low, one.high / other.low if other.low > 0.0 else math.inf)
 
