@@ -45,9 +45,10 @@ and threads (as far as ``of``, ``than``, ``relative_to`` and ``over`` do not nam
 or for each place of a sweep; where it has more, the answer says what tells them apart and so belongs into ``each``.
 
 *Verdicts.* Counters, bytes, percentages and other measures of quality are exact, and decide by themselves. Times decide
-by 95 % intervals: of the ratio within each round for two cases of one comparison, of both medians otherwise; a stage's
-interval is as wide as its case's. A test whose interval lies on both sides is undecided, as is one with a case that is
-missing or not ok.
+by 95 % intervals: of the ratio within each round for two cases of one comparison, of all pairs of rounds otherwise; a
+stage's interval is as wide as its case's. A test whose interval lies on both sides is undecided, as is one with a case
+that is missing or not ok. Where a claim makes many comparisons of times, one that fails counts only if their number
+does not explain it (:func:`shadowbench.statistics.differences_among`).
 """
 
 from __future__ import annotations

@@ -62,6 +62,7 @@ ROOMS: dict[str, set[str]] = {
     "claim_file": {"errors", "claim", "toml_values"},
     "experiment_file": {"errors", "choices", "claim_file", "toml_lines", "toml_values"},
     "experiment": {"errors", "rows", "choices", "claim", "experiment_file"},
+    "experiment_groups": {"errors", "experiment"},
     "experiments": set(),
     "identity": {"errors", "rows", "plugins"},
     "runner": {

@@ -72,8 +72,9 @@ def _plugins(kind: Literal["method", "scene"]) -> list[str]:
 
 def _experiments() -> list[str]:
     from shadowbench.experiment import builtin_names
+    from shadowbench.experiment_groups import groups
 
-    return builtin_names()
+    return [*builtin_names(), *groups()]
 
 
 def _toml_files(incomplete: str) -> list[str]:

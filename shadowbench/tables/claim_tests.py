@@ -13,7 +13,7 @@ from shadowbench.rows import Outcome, ResultRow, method_label
 from shadowbench.tables.columns import ROW_COLUMNS, Scalar, header_unit, parameter_names, unit_of, value_of
 from shadowbench.tables.decisions import Decision, OpenQuestion, Verdict, compared, course, crossed, power
 from shadowbench.tables.numbers import number_text
-from shadowbench.tables.quantities import Quantity, divided, exact, quantity_of, ratio_of
+from shadowbench.tables.quantities import Quantity, divided, exact, quantity_of, ratio_of, scaled
 
 SETTING = ("scene", "light", "camera", "size", "pixel_samples", "layers", "device", "threads")
 
@@ -31,6 +31,7 @@ class Finding:
             none.
         case_keys: The cases.
         margin: How far the figure lies from the bound: 0 is on it.
+        p_value: How probable so far a figure is where the truth lies on the bound; ``None`` for exact figures.
     """
 
     group: str
@@ -42,6 +43,7 @@ class Finding:
     high: float | None = None
     case_keys: tuple[str, ...] = ()
     margin: float = 0.0
+    p_value: float | None = None
 
 
 @dataclass
@@ -194,8 +196,11 @@ def _finding(test: Test, group: _Group, name: str, quantity: str) -> Finding:
         decision = _decided(test, group)
     except OpenQuestion as reason:
         return Finding(name, quantity, Verdict.UNDECIDED, str(reason), case_keys=keys)
-    q = decision.figure
-    return Finding(name, quantity, decision.verdict, decision.evidence, q.value, q.low, q.high, keys, decision.margin)
+    return Finding(
+        *(name, quantity, decision.verdict, decision.evidence),
+        *(decision.figure.value, decision.figure.low, decision.figure.high),
+        *(keys, decision.margin, decision.p_value),
+    )
 
 
 def _check_outcomes(rows: Iterable[ResultRow]) -> None:
@@ -280,8 +285,11 @@ def _to_first(test: Test, group: _Group, amounts: Sequence[Quantity]) -> list[Qu
 
 
 def _ratio(test: Test, row: ResultRow, to: ResultRow, amount: Quantity, to_amount: Quantity) -> Quantity | None:
-    if test.per is None and test.relative_to is None:
-        return ratio_of(row, test.value, to, test.value)
+    if test.relative_to is None:
+        ratio = ratio_of(row, test.value, to, test.value)
+        by = ratio_of(row, test.per, to, test.per) if test.per else exact(1.0)
+        if ratio is not None and by is not None and by.is_exact and by.value > 0.0:
+            return scaled(ratio, 1.0 / by.value)
     return divided(amount, to_amount) if to_amount.value else None
 
 
@@ -328,15 +336,16 @@ def _amount(row: ResultRow, test: Test, column: str | None = None) -> Quantity:
 
 
 def _text_of(test: Test) -> Callable[[Quantity], str]:
-    unit = "1" if test.per else unit_of(test.value)
+    """Return what writes an amount: with its unit, unless it is a ratio."""
+    is_ratio = test.per is not None or test.relative_to is not None
+    unit, shown = ("1", "") if is_ratio else (unit_of(test.value), header_unit(test.value))
 
     def text(amount: Quantity) -> str:
-        return number_text(
-            int(amount.value) if amount.value.is_integer() and unit != "ms" else amount.value, unit or "1"
-        )
+        is_count = amount.value.is_integer() and unit not in ("ms", "fps", "%", "bytes")
+        number = number_text(int(amount.value) if is_count else amount.value, unit or "1")
+        return f"{number} {shown}" if shown not in ("", "count") else number
 
-    shown = "" if test.per else header_unit(test.value)
-    return lambda amount: f"{text(amount)} {shown}".rstrip() if shown != "count" else text(amount)
+    return text
 
 
 def _quantity_text(test: Test) -> str:
