@@ -12,6 +12,7 @@
     listing.py      list, show
     results.py      table, report
     claims.py       claims
+    pareto.py       pareto
     writing.py      what --output does
     check.py        check
     doctor.py       doctor; machine_checks.py has what it looks at

@@ -12,6 +12,7 @@ from shadowbench.cli.claims import claims
 from shadowbench.cli.doctor import doctor
 from shadowbench.cli.exit_status import ExitStatus
 from shadowbench.cli.listing import list_names, show
+from shadowbench.cli.pareto import pareto
 from shadowbench.cli.results import report, table
 from shadowbench.cli.run import run
 
@@ -55,6 +56,7 @@ app.command("list")(list_names)
 app.command()(show)
 app.command()(table)
 app.command()(claims)
+app.command()(pareto)
 app.command()(report)
 app.command()(check)
 app.command()(doctor)

@@ -52,6 +52,16 @@ def claim_failures(incomplete: str) -> list[str]:
     return _offered(_claim_failures, incomplete)
 
 
+def costs(incomplete: str) -> list[str]:
+    """Complete a column that can be a cost."""
+    return _offered(_costs, incomplete)
+
+
+def qualities(incomplete: str) -> list[str]:
+    """Complete a column that can be a quality."""
+    return _offered(_qualities, incomplete)
+
+
 def what_to_list(incomplete: str) -> list[str]:
     """Complete what ``list`` can list."""
     return _offered(_lists, incomplete)
@@ -113,3 +123,15 @@ def _claim_failures() -> Iterable[str]:
     from shadowbench.cli.claims import FAILURES
 
     return FAILURES
+
+
+def _costs() -> Iterable[str]:
+    from shadowbench.tables.pareto import COSTS
+
+    return COSTS
+
+
+def _qualities() -> Iterable[str]:
+    from shadowbench.tables.pareto import QUALITIES
+
+    return QUALITIES

@@ -14,7 +14,7 @@
     quantities.py a number with its interval, and the ratio of two
     decisions.py  whether numbers are what a claim says
     claim_tests.py claims.py claims_text.py    claims answered: one test, all of a run, and written
-    pareto.py     cost against quality: which methods no other beats on both
+    pareto.py pareto_tables.py    cost against quality: which methods no other beats on both, and as tables
     frames.py     a pandas DataFrame for notebooks
 
 Reads rows and experiments only; imports no Warp and no plugin.

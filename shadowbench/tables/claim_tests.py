@@ -341,7 +341,7 @@ def _text_of(test: Test) -> Callable[[Quantity], str]:
     unit, shown = ("1", "") if is_ratio else (unit_of(test.value), header_unit(test.value))
 
     def text(amount: Quantity) -> str:
-        is_count = amount.value.is_integer() and unit not in ("ms", "fps", "%", "bytes")
+        is_count = amount.value.is_integer() and unit not in ("ms", "fps", "%", "bytes") and not is_ratio
         number = number_text(int(amount.value) if is_count else amount.value, unit or "1")
         return f"{number} {shown}" if shown not in ("", "count") else number
 

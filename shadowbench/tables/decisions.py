@@ -118,7 +118,7 @@ def compared(
     """
     factor = "" if times == 1.0 else f"{times:g} times "
     evidence = f"{shown(amount)} against {factor}{shown(against)}"
-    if ratio is None or (amount.is_exact and against.is_exact):
+    if ratio is None or ratio.is_exact:
         figure = ratio if ratio is not None else amount
         verdict = relates(relation, amount, against.value * times, within)
         if ratio is None and not amount.is_exact:

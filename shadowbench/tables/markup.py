@@ -37,6 +37,9 @@ _LATEX_ENTITIES: dict[str, str | int | None] = {
     "'": r"\textquotesingle{}",
     "`": r"\textasciigrave{}",
     "…": r"\ldots{}",
+    "≠": r"$\neq$",
+    "●": r"$\bullet$",
+    "○": r"$\circ$",
 }
 
 

@@ -19,6 +19,8 @@ from shadowbench.tables.columns import ROW_COLUMNS
 from shadowbench.tables.labels import Labels
 from shadowbench.tables.quantities import Quantity, is_time, quantity_of, ratio_of
 
+__all__ = ["COST", "COSTS", "QUALITIES", "QUALITY", "Best", "Front", "FrontPoint", "Standing", "best_within", "fronts"]
+
 COST, QUALITY = "dynamic_frame_ms", "failure_percent"
 
 COSTS = (
@@ -110,11 +112,52 @@ def fronts(rows: Sequence[ResultRow], cost: str = COST, quality: str = QUALITY) 
     return tuple(_front(list(found.values()), scenes, cost, quality) for found in views.values())
 
 
+@dataclass(frozen=True)
+class Best:
+    """The best method of a view within a limit.
+
+    Attributes:
+        point: The best by its value; ``None`` where none is within.
+        no_worse: Labels of others within the limit that are not surely worse.
+    """
+
+    point: FrontPoint | None
+    no_worse: tuple[str, ...] = ()
+
+
+def best_within(front: Front, *, cost: float | None = None, quality: float | None = None) -> Best:
+    """Return the best method with a cost within a limit, or the cheapest with a quality within one.
+
+    A time is within a limit if its whole interval is.
+
+    Args:
+        front: The view's methods.
+        cost: Most that it may cost, in the column's unit.
+        quality: Most that its failures may be, in the column's unit, where no cost is given.
+    """
+    if cost is not None:
+        within = [point for point in front.points if point.cost.high <= cost]
+        wanted = front.quality
+    else:
+        within = [point for point in front.points if quality is None or point.quality.high <= quality]
+        wanted = front.cost
+    if not within:
+        return Best(None)
+    # of equals the cheaper one: points are in that order
+    best = min(within, key=lambda point: _value(point.row, wanted))
+    others = [point for point in within if point is not best and not _surely_worse(point.row, best.row, wanted)]
+    return Best(best, tuple(point.label for point in others))
+
+
+def _surely_worse(row: ResultRow, than: ResultRow, name: str) -> bool:
+    return _surely_less(than, row, name) if is_time(name) else _value(row, name) > _value(than, name)
+
+
 def _check(name: str, known: Iterable[str], noun: str) -> None:
     owner, _, inner = name.partition(".")
     if name not in known and not (inner and owner in LONG_FIELDS[:3]):
         hint = "less must be better" if name in FRAME_RATES or name == "ssim" else did_you_mean(name, known, noun=noun)
-        raise UsageError(f"--{noun} cannot be '{name}'; {hint}")
+        raise UsageError(f"the {noun} cannot be '{name}'; {hint}")
 
 
 def _view(row: ResultRow) -> tuple[object, ...]:
