@@ -141,7 +141,10 @@ class _Making:
             experiment=self.experiment,
             run_id=self.run.run_id if self.run is not None else next((row.run_id for row in self.rows), ""),
             index=tuple(Header(name, name, header_text(name), header_unit(name)) for name in self.index),
-            values=tuple(header_of(kind, self.header(pivot, name)) for pivot, name, kind in slots),
+            values=tuple(
+                header_of(kind, self.header(pivot, name), is_only_value=len(self.layout.values) == 1)
+                for pivot, name, kind in slots
+            ),
             body=body,
             notes=tuple(plain(shortened(note, LONGEST_NOTE)) for note in self.notes()),
             rows=tuple(self.rows),

@@ -44,11 +44,18 @@ def printed_cells(layout: TableLayout, row: ResultRow, name: str, measured: Cell
         yield "ratio", Cell(measured.value / printed, "1")
 
 
-def header_of(kind: Kind, measured: Header) -> Header:
-    """Return the heading of a column beside that of the measured values."""
+def header_of(kind: Kind, measured: Header, *, is_only_value: bool = False) -> Header:
+    """Return the heading of a column beside that of the measured values.
+
+    Args:
+        kind: Which of the columns.
+        measured: The heading of the measured values.
+        is_only_value: Whether each of the table's groups of columns has this value only, which need not be said again.
+    """
     if kind == "measured":
         return measured
-    beside = replace(measured, name=f"{measured.name} ({kind})", text=f"{measured.text} {kind}".lstrip())
+    text = kind if measured.group and is_only_value else f"{measured.text} {kind}".lstrip()
+    beside = replace(measured, name=f"{measured.name} ({kind})", text=text)
     # a ratio and a mark have no unit of their own, whatever the column's is
     return beside if kind == "printed" else replace(beside, column="", unit="")
 

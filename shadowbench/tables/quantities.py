@@ -49,6 +49,7 @@ class Quantity:
 
 def exact(value: float) -> Quantity:
     """Return a number that every measurement gives."""
+    value = float(value)
     return Quantity(value, value, value)
 
 
