@@ -201,6 +201,8 @@ def _with_defaults(cls: type[Any]) -> Any:
 
 
 def _show_experiment(experiment: Experiment) -> None:
+    from shadowbench.claim import in_words
+
     _heading("experiment", experiment.name, experiment.title)
     _facts([("source", experiment.source)])
     _paragraphs(experiment.description)
@@ -222,8 +224,11 @@ def _show_experiment(experiment: Experiment) -> None:
     )
     titles = [(layout.title, ", ".join(layout.values)) for layout in experiment.tables]
     _rows("Tables", ("title", "columns"), titles)
-    claims = [(claim.name, claim.statement, claim.source or experiment.source) for claim in experiment.claims]
-    _rows("Claims", ("name", "what is claimed", "source"), claims)
+    claims = [
+        (claim.name, claim.statement, claim.source or experiment.source, "\n".join(map(in_words, claim.tests)))
+        for claim in experiment.claims
+    ]
+    _rows("Claims", ("name", "what is claimed", "source", "holds if"), claims)
 
 
 def _show_group(name: str, members: Sequence[str]) -> None:

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from shadowbench.claim import COMPARISONS, COURSES, POWER, Conditions, Test
+from shadowbench.claim import COMPARISONS, COURSES, POWER, Conditions, Test, bare, conditions_in_words, shown
 from shadowbench.errors import did_you_mean
 from shadowbench.rows import Outcome, ResultRow, method_label
-from shadowbench.tables.columns import ROW_COLUMNS, Scalar, header_unit, parameter_names, unit_of, value_of
+from shadowbench.tables.columns import ROW_COLUMNS, header_unit, parameter_names, unit_of, value_of
 from shadowbench.tables.decisions import Decision, OpenQuestion, Verdict, compared, course, crossed, power
 from shadowbench.tables.numbers import number_text
 from shadowbench.tables.quantities import Quantity, divided, exact, quantity_of, ratio_of, scaled
 
 SETTING = ("scene", "light", "camera", "size", "pixel_samples", "layers", "device", "threads")
+
+
+_OF_THE_SIZE = ("receivers", "scored", "width", "height")
+"""Columns that a sweep over the picture's size may run over."""
 
 
 @dataclass(frozen=True)
@@ -100,8 +104,8 @@ def _nothing_meets(rows: Sequence[ResultRow], conditions: Conditions) -> str:
             bare = name.removeprefix("method.").removeprefix("scene.")
             return f"no case has '{name}'; {did_you_mean(bare, [*parameters, *ROW_COLUMNS], noun='name')}"
         if not any(value in (wanted if isinstance(wanted, list) else [wanted]) for value in values):
-            return f"no case has {name} {_shown(wanted)}"
-    return f"no case has {_conditions_text(conditions)}"
+            return f"no case has {name} {shown(wanted)}"
+    return f"no case has {conditions_in_words(conditions)}"
 
 
 # Groups
@@ -111,6 +115,8 @@ def _groups(test: Test, ones: Sequence[ResultRow], others: Sequence[ResultRow]) 
     """Return the groups: what is alike, then each part of one side with each part of the other."""
     other_side = test.than if test.than is not None else test.relative_to or {}
     compared_by = {*test.of, *other_side, test.over}
+    if test.over in _OF_THE_SIZE:
+        compared_by.add("size")
     shared = [name for name in dict.fromkeys((*SETTING, *test.each)) if name not in compared_by]
     alike: dict[tuple[Any, ...], _Group] = {}
     for side, rows in (("ones", ones), ("others", others)):
@@ -166,7 +172,7 @@ def _group_names(groups: Sequence[_Group]) -> list[str]:
 def _label(column: str, value: Any) -> str:
     """Return ``kernel 5``, ``esm``, or for one side's own column ``than csm``."""
     side, _, own = column.rpartition(" ")
-    text = _shown(value) if (own or column) == "method" else f"{_bare(own or column)} {_shown(value)}"
+    text = shown(value) if (own or column) == "method" else f"{bare(own or column)} {shown(value)}"
     return f"against {text}" if side == "than" else text
 
 
@@ -214,7 +220,7 @@ def _decided(test: Test, group: _Group) -> Decision:
     if test.relation in COMPARISONS:
         return _compared(test, group)
     places, amounts = _sweep(test, group)
-    over = _bare(test.over or "")
+    over = bare(test.over or "")
     if test.relation in COURSES:
         ratios = _steps(test, group, amounts) if test.relation != "constant" else _to_first(test, group, amounts)
         return course(test.relation, places, amounts, ratios, test.within, over, _text_of(test))
@@ -252,13 +258,13 @@ def _sweep(test: Test, group: _Group) -> tuple[list[float], list[Quantity]]:
     """Return the places of a sweep in order, and the value at each or its ratio to the other side's."""
     ones = _by_place(group.ones, test, "of")
     if len(ones) < 2:
-        raise OpenQuestion(f"{_bare(test.over or '')} has one value only")
+        raise OpenQuestion(f"{bare(test.over or '')} has one value only")
     has_others = test.than is not None or test.relative_to is not None
     if not has_others:
         return list(ones), [_amount(row, test) for row in ones.values()]
     others = _by_place(group.others, test, "than" if test.than is not None else "relative_to")
     if missing := sorted(ones.keys() ^ others.keys()):
-        raise OpenQuestion(f"no case to compare with at {_bare(test.over or '')} {_shown(missing[0])}")
+        raise OpenQuestion(f"no case to compare with at {bare(test.over or '')} {shown(missing[0])}")
     return list(ones), [_against(ones[place], others[place], test) for place in ones]
 
 
@@ -306,7 +312,9 @@ def _by_place(rows: Sequence[ResultRow], test: Test, side: str) -> dict[float, R
 def _only(rows: Sequence[ResultRow], side: str, test: Test) -> ResultRow:
     if not rows:
         conditions = {"of": test.of, "than": test.than, "relative_to": test.relative_to}[side] or {}
-        raise OpenQuestion(f"no case with {_conditions_text(conditions)}" if conditions else "no case to compare with")
+        raise OpenQuestion(
+            f"no case with {conditions_in_words(conditions)}" if conditions else "no case to compare with"
+        )
     if len(rows) > 1:
         differing = _differing(rows) or ["the case"]
         raise OpenQuestion(f"{len(rows)} cases for one place of '{side}'; 'each' must name {', '.join(differing)}")
@@ -338,44 +346,26 @@ def _amount(row: ResultRow, test: Test, column: str | None = None) -> Quantity:
 def _text_of(test: Test) -> Callable[[Quantity], str]:
     """Return what writes an amount: with its unit, unless it is a ratio."""
     is_ratio = test.per is not None or test.relative_to is not None
-    unit, shown = ("1", "") if is_ratio else (unit_of(test.value), header_unit(test.value))
+    unit, unit_text = ("1", "") if is_ratio else (unit_of(test.value), header_unit(test.value))
 
     def text(amount: Quantity) -> str:
         is_count = amount.value.is_integer() and unit not in ("ms", "fps", "%", "bytes") and not is_ratio
         number = number_text(int(amount.value) if is_count else amount.value, unit or "1")
-        return f"{number} {shown}" if shown not in ("", "count") else number
+        return f"{number} {unit_text}" if unit_text not in ("", "count") else number
 
     return text
 
 
 def _quantity_text(test: Test) -> str:
     value = f"{test.value} / {test.per}" if test.per else test.value
-    one = _conditions_text(test.of)
+    one = conditions_in_words(test.of)
     text = f"{value} of {one}" if one else value
     other = test.than if test.than is not None else test.relative_to
     if other is not None or test.than_value is not None:
         column = f"{test.than_value} of " if test.than_value else ""
-        text += f" / {column}{_conditions_text(other or test.of)}"
+        text += f" / {column}{conditions_in_words(other or test.of)}"
     return text
-
-
-def _conditions_text(conditions: Mapping[str, Any]) -> str:
-    """Return ``esm, kernel 5``."""
-    parts = [
-        _shown(value) if name == "method" else f"{_bare(name)} {_shown(value)}" for name, value in conditions.items()
-    ]
-    return ", ".join(parts)
 
 
 def _case_name(row: ResultRow) -> str:
     return method_label(row.method, row.method_parameters, only=set())
-
-
-def _bare(name: str) -> str:
-    return name.removeprefix("method.").removeprefix("scene.").replace("_", " ")
-
-
-def _shown(value: Scalar | list[Scalar] | Any) -> str:
-    if isinstance(value, list):
-        return "/".join(map(_shown, value))
-    return f"{value:g}" if isinstance(value, float) else str(value)
