@@ -3,23 +3,17 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 
-from shadowbench.claim import COMPARISONS, COURSES, POWER, Conditions, Test, bare, conditions_in_words, shown
-from shadowbench.errors import did_you_mean
+from shadowbench.claim import COMPARISONS, COURSES, POWER, Test, bare, conditions_in_words, shown
 from shadowbench.rows import Outcome, ResultRow, method_label
-from shadowbench.tables.columns import ROW_COLUMNS, header_unit, parameter_names, unit_of, value_of
+from shadowbench.tables.claim_groups import Group, group_names, groups_of, meets, nothing_meets
+from shadowbench.tables.columns import header_unit, parameter_names, unit_of, value_of
 from shadowbench.tables.decisions import Decision, OpenQuestion, Verdict, compared, course, crossed, power
+from shadowbench.tables.layout import SETTING
 from shadowbench.tables.numbers import number_text
 from shadowbench.tables.quantities import Quantity, divided, exact, quantity_of, ratio_of, scaled
-
-SETTING = ("scene", "light", "camera", "size", "pixel_samples", "layers", "device", "threads")
-
-
-_OF_THE_SIZE = ("receivers", "scored", "width", "height")
-"""Columns that a sweep over the picture's size may run over."""
 
 
 @dataclass(frozen=True)
@@ -50,20 +44,6 @@ class Finding:
     p_value: float | None = None
 
 
-@dataclass
-class _Group:
-    """Cases that are alike but for what a test compares.
-
-    Attributes:
-        key: What they have in common, by column; a side's own columns begin with ``of`` or ``than``.
-        ones, others: The two sides.
-    """
-
-    key: dict[str, Any]
-    ones: list[ResultRow] = field(default_factory=list)
-    others: list[ResultRow] = field(default_factory=list)
-
-
 def findings_of(test: Test, rows: Sequence[ResultRow]) -> list[Finding]:
     """Return what each group of the test's cases says; one that is undecided where there is none.
 
@@ -75,126 +55,20 @@ def findings_of(test: Test, rows: Sequence[ResultRow]) -> list[Finding]:
     ones = [row for row in cases if meets(row, test.of)]
     quantity = _quantity_text(test)
     if not ones:
-        return [Finding("", quantity, Verdict.UNDECIDED, _nothing_meets(rows, test.where | test.of))]
+        return [Finding("", quantity, Verdict.UNDECIDED, nothing_meets(rows, test.where | test.of))]
     other_side = test.than if test.than is not None else test.relative_to
     others = [row for row in cases if meets(row, other_side)] if other_side is not None else []
     if other_side is not None and not others:
-        return [Finding("", quantity, Verdict.UNDECIDED, _nothing_meets(rows, test.where | other_side))]
-    groups = _groups(test, ones, others)
-    names = _group_names(groups)
+        return [Finding("", quantity, Verdict.UNDECIDED, nothing_meets(rows, test.where | other_side))]
+    groups = groups_of(test, ones, others)
+    names = group_names(groups)
     return [_finding(test, group, name, quantity) for name, group in zip(names, groups, strict=True)]
-
-
-def meets(row: ResultRow, conditions: Conditions) -> bool:
-    """Return whether a case has these values, or for a list one of them."""
-    return all(
-        value_of(row, name) in wanted if isinstance(wanted, list) else value_of(row, name) == wanted
-        for name, wanted in conditions.items()
-    )
-
-
-def _nothing_meets(rows: Sequence[ResultRow], conditions: Conditions) -> str:
-    """Say which condition no case meets, or that none meets them all."""
-    if not rows:
-        return "no case has been measured"
-    parameters = parameter_names(rows)
-    for name, wanted in conditions.items():
-        values = {value_of(row, name) for row in rows}
-        if values == {None}:
-            bare = name.removeprefix("method.").removeprefix("scene.")
-            return f"no case has '{name}'; {did_you_mean(bare, [*parameters, *ROW_COLUMNS], noun='name')}"
-        if not any(value in (wanted if isinstance(wanted, list) else [wanted]) for value in values):
-            return f"no case has {name} {shown(wanted)}"
-    return f"no case has {conditions_in_words(conditions)}"
-
-
-# Groups
-
-
-def _groups(test: Test, ones: Sequence[ResultRow], others: Sequence[ResultRow]) -> list[_Group]:
-    """Return the groups: what is alike, then each part of one side with each part of the other."""
-    other_side = test.than if test.than is not None else test.relative_to or {}
-    compared_by = {*test.of, *other_side, test.over}
-    if test.over in _OF_THE_SIZE:
-        compared_by.add("size")
-    shared = [name for name in dict.fromkeys((*SETTING, *test.each)) if name not in compared_by]
-    alike: dict[tuple[Any, ...], _Group] = {}
-    for side, rows in (("ones", ones), ("others", others)):
-        for row in rows:
-            key = {name: _scene(row, test) if name == "scene" else value_of(row, name) for name in shared}
-            getattr(alike.setdefault(tuple(key.values()), _Group(key)), side).append(row)
-    own = [name for name in test.each if name in test.of]
-    their_own = [name for name in test.each if name in other_side]
-    return [
-        _Group(group.key | key | their_key, part, their_part)
-        for group in alike.values()
-        for key, part in _parts(group.ones, own, "of")
-        for their_key, their_part in _parts(_other_cases(test, part, group.others), their_own, "than")
-    ]
-
-
-def _other_cases(test: Test, ones: list[ResultRow], others: list[ResultRow]) -> list[ResultRow]:
-    """Return what cases are compared with: those of the other side, or themselves in another column."""
-    return ones if test.than_value is not None and test.than is None else others
-
-
-def _parts(
-    rows: list[ResultRow], columns: Sequence[str], side: str
-) -> Iterator[tuple[dict[str, Any], list[ResultRow]]]:
-    parts: dict[tuple[Any, ...], list[ResultRow]] = {}
-    for row in rows:
-        parts.setdefault(tuple(value_of(row, name) for name in columns), []).append(row)
-    for values, part in (parts or {(): []}).items():
-        yield {f"{side} {name}": value for name, value in zip(columns, values, strict=False)}, part
-
-
-def _scene(row: ResultRow, test: Test) -> str:
-    """Return a scene with those of its parameters that the test compares nothing by."""
-    sides = (test.of, test.than or {}, test.relative_to or {})
-    named = {name.removeprefix("scene.") for side in sides for name in side} | {
-        (test.over or "").removeprefix("scene.")
-    }
-    kept = {name: value for name, value in row.scene_parameters.items() if name not in named}
-    return json.dumps([row.scene, kept], sort_keys=True, default=str)
-
-
-def _group_names(groups: Sequence[_Group]) -> list[str]:
-    """Return what tells each group from the others."""
-    columns = list(dict.fromkeys(name for group in groups for name in group.key))
-    varying = [name for name in columns if len({group.key.get(name) for group in groups}) > 1]
-    scenes = _scene_names({group.key["scene"] for group in groups if "scene" in group.key})
-    return [
-        ", ".join(scenes[group.key[name]] if name == "scene" else _label(name, group.key.get(name)) for name in varying)
-        for group in groups
-    ]
-
-
-def _label(column: str, value: Any) -> str:
-    """Return ``kernel 5``, ``esm``, or for one side's own column ``than csm``."""
-    side, _, own = column.rpartition(" ")
-    text = shown(value) if (own or column) == "method" else f"{bare(own or column)} {shown(value)}"
-    return f"against {text}" if side == "than" else text
-
-
-def _scene_names(found: set[str]) -> dict[str, str]:
-    """Return short names of scenes: with the parameters that vary."""
-    read = {text: json.loads(text) for text in found}
-    varying = {
-        (name, parameter)
-        for name, parameters in read.values()
-        for parameter, value in parameters.items()
-        if any(other == name and others.get(parameter) != value for other, others in read.values())
-    }
-    return {
-        text: method_label(name, parameters, only={parameter for owner, parameter in varying if owner == name})
-        for text, (name, parameters) in read.items()
-    }
 
 
 # One group
 
 
-def _finding(test: Test, group: _Group, name: str, quantity: str) -> Finding:
+def _finding(test: Test, group: Group, name: str, quantity: str) -> Finding:
     used = [*group.ones, *(row for row in group.others if row not in group.ones)]
     keys = tuple(row.case_key for row in used)
     try:
@@ -216,7 +90,7 @@ def _check_outcomes(rows: Iterable[ResultRow]) -> None:
             raise OpenQuestion(f"{_case_name(row)} ended as {row.outcome.value}{why}")
 
 
-def _decided(test: Test, group: _Group) -> Decision:
+def _decided(test: Test, group: Group) -> Decision:
     if test.relation in COMPARISONS:
         return _compared(test, group)
     places, amounts = _sweep(test, group)
@@ -229,7 +103,7 @@ def _decided(test: Test, group: _Group) -> Decision:
     return crossed(test.relation, places, amounts, over)
 
 
-def _compared(test: Test, group: _Group) -> Decision:
+def _compared(test: Test, group: Group) -> Decision:
     one = _only(group.ones, "of", test)
     if test.number is None and isinstance(value_of(one, test.value), str):
         return _texts_compared(test, one, _only(group.others, "than", test))
@@ -254,7 +128,7 @@ def _texts_compared(test: Test, one: ResultRow, other: ResultRow) -> Decision:
     return Decision(verdict, "equal" if text == against else "different", exact(float(text == against)))
 
 
-def _sweep(test: Test, group: _Group) -> tuple[list[float], list[Quantity]]:
+def _sweep(test: Test, group: Group) -> tuple[list[float], list[Quantity]]:
     """Return the places of a sweep in order, and the value at each or its ratio to the other side's."""
     ones = _by_place(group.ones, test, "of")
     if len(ones) < 2:
@@ -278,14 +152,14 @@ def _against(one: ResultRow, other: ResultRow, test: Test) -> Quantity:
     return divided(amount, against)
 
 
-def _steps(test: Test, group: _Group, amounts: Sequence[Quantity]) -> list[Quantity | None]:
+def _steps(test: Test, group: Group, amounts: Sequence[Quantity]) -> list[Quantity | None]:
     """Return the ratio of each place's value to the one before it, ``None`` where that is 0."""
     rows = list(_by_place(group.ones, test, "of").values())
     pairs = zip(rows[1:], rows[:-1], amounts[1:], amounts[:-1], strict=True)
     return [_ratio(test, a, b, p, q) for a, b, p, q in pairs]
 
 
-def _to_first(test: Test, group: _Group, amounts: Sequence[Quantity]) -> list[Quantity | None]:
+def _to_first(test: Test, group: Group, amounts: Sequence[Quantity]) -> list[Quantity | None]:
     rows = list(_by_place(group.ones, test, "of").values())
     return [_ratio(test, row, rows[0], p, amounts[0]) for row, p in zip(rows[1:], amounts[1:], strict=True)]
 

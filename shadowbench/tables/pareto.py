@@ -15,8 +15,9 @@ from enum import StrEnum
 
 from shadowbench.errors import UsageError, did_you_mean
 from shadowbench.rows import FRAME_RATES, LONG_FIELDS, Outcome, ResultRow
-from shadowbench.tables.columns import ROW_COLUMNS
+from shadowbench.tables.columns import ROW_COLUMNS, Scalar, value_of
 from shadowbench.tables.labels import Labels
+from shadowbench.tables.layout import SETTING
 from shadowbench.tables.quantities import Quantity, is_time, quantity_of, ratio_of
 
 __all__ = ["COST", "COSTS", "QUALITIES", "QUALITY", "Best", "Front", "FrontPoint", "Standing", "best_within", "fronts"]
@@ -71,21 +72,19 @@ class Front:
     """The methods of one view.
 
     Attributes:
+        setting: All that its cases have in common, by column; of the scene the label.
         scene: Label: the name, with the parameters that tell it from the other fronts' scenes.
-        light, camera, width, height, pixel_samples, layers, device, threads: The rest of the view.
+        light, camera, width, height: Of the view.
         cost, quality: Names of the columns.
         points: Every measured case that has both, the cheapest first.
     """
 
+    setting: dict[str, Scalar]
     scene: str
     light: str
     camera: str
     width: int
     height: int
-    pixel_samples: int
-    layers: int
-    device: str
-    threads: int
     cost: str
     quality: str
     points: tuple[FrontPoint, ...]
@@ -162,17 +161,7 @@ def _check(name: str, known: Iterable[str], noun: str) -> None:
 
 def _view(row: ResultRow) -> tuple[object, ...]:
     scene = (row.scene, repr(sorted(row.scene_parameters.items())))
-    return (
-        *scene,
-        row.light,
-        row.camera,
-        row.width,
-        row.height,
-        row.pixel_samples,
-        row.layers,
-        row.device,
-        row.threads,
-    )
+    return (*scene, *(value_of(row, name) for name in SETTING if name != "scene"))
 
 
 def _front(rows: Sequence[ResultRow], scenes: Labels, cost: str, quality: str) -> Front:
@@ -180,10 +169,11 @@ def _front(rows: Sequence[ResultRow], scenes: Labels, cost: str, quality: str) -
     ordered = sorted(rows, key=lambda row: (_value(row, cost), _value(row, quality)))
     points = tuple(_point(row, ordered, methods, cost, quality) for row in ordered)
     first = rows[0]
+    setting = {name: value_of(first, name) for name in SETTING} | {"scene": scenes.of(first)}
     return Front(
-        scenes.of(first),
-        *(first.light, first.camera, first.width, first.height, first.pixel_samples, first.layers),
-        *(first.device, first.threads, cost, quality, points),
+        setting,
+        *(scenes.of(first), first.light, first.camera, first.width, first.height, cost, quality),
+        points,
     )
 
 

@@ -10,12 +10,12 @@ from dataclasses import dataclass
 
 from shadowbench.rows import ResultRow, RunRecord
 from shadowbench.tables.columns import header_text, header_unit, unit_of
+from shadowbench.tables.layout import SETTING
 from shadowbench.tables.numbers import MEBIBYTE, number_text
 from shadowbench.tables.pareto import COST, QUALITY, Best, Front, FrontPoint, Standing, best_within, fronts
 from shadowbench.tables.quantities import Quantity
 from shadowbench.tables.table import Cell, Header, Table
 
-_PLACES = ("scene", "light", "camera", "size", "pixel_samples", "layers", "threads")
 _ALWAYS = ("scene", "light", "camera", "size")
 
 _STANDINGS = (
@@ -160,16 +160,11 @@ class _Maker:
 
 def _places(found: Sequence[Front]) -> tuple[str, ...]:
     """Return the columns that name a view: the usual ones, and others that tell two fronts apart."""
-    return tuple(name for name in _PLACES if name in _ALWAYS or len({_place(front, name) for front in found}) > 1)
-
-
-def _place(front: Front, name: str) -> str | int:
-    value: str | int = f"{front.width}x{front.height}" if name == "size" else getattr(front, name)
-    return value
+    return tuple(name for name in SETTING if name in _ALWAYS or len({front.setting[name] for front in found}) > 1)
 
 
 def _place_cells(front: Front, places: Sequence[str]) -> tuple[Cell, ...]:
-    return tuple(Cell(_place(front, name)) for name in places)
+    return tuple(Cell(front.setting[name]) for name in places)
 
 
 def _point_cells(front: Front, point: FrontPoint) -> tuple[Cell, Cell]:
