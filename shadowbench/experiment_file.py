@@ -30,6 +30,7 @@ from shadowbench.choices import (
     choice_of_table,
     choice_of_text,
     layer_count_of,
+    moving_of,
     pixel_sample_count_of,
     size_of,
     thread_count_of,
@@ -108,6 +109,7 @@ Names = Annotated[list[Annotated[str, PlainValidator(_name)]], *_ListRules]
 Sizes = Annotated[list[Annotated[tuple[int, int], PlainValidator(_size)]], *_ListRules]
 PixelSampleCounts = Annotated[list[Annotated[int, PlainValidator(pixel_sample_count_of)]], *_ListRules]
 LayerCounts = Annotated[list[Annotated[int, PlainValidator(layer_count_of)]], *_ListRules]
+Movings = Annotated[list[Annotated[str, PlainValidator(moving_of)]], *_ListRules]
 ThreadCounts = Annotated[list[Annotated[int, PlainValidator(thread_count_of)]], *_ListRules]
 Condition = Annotated[Scalar, PlainValidator(_condition)]
 Conditions = Annotated[Scalar | list[Scalar], PlainValidator(_conditions)]
@@ -127,6 +129,7 @@ class ComparisonTable(BaseModel):
     size: Sizes | None = None
     pixel_samples: PixelSampleCounts | None = None
     layers: LayerCounts | None = None
+    moving: Movings | None = None
     threads: ThreadCounts | None = None
 
 

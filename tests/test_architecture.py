@@ -20,6 +20,7 @@ ROOMS: dict[str, set[str]] = {
     # device code: knows frames and lights, never a method
     "device": {"errors", "scene", "world", "light_space", "light_space_kernel", "receivers"},
     "method": {"errors", "scene", "world", "light_space", "light_space_kernel", "receivers", "device"},
+    "motion": {"method", "scene", "world", "light_space"},
     "depth_map_method": {"method", "parameters", "scene", "world", "light_space", "receivers", "device"},
     "light_picture": set(),
     "irregular_method": {"method", "light_picture", "receivers", "scene", "world", "device"},
@@ -50,11 +51,12 @@ ROOMS: dict[str, set[str]] = {
     },
     "scenes": {"errors", "parameters", "scene"},
     "contract": {
-        *("errors", "parameters", "method", "camera_pass", "scene", "world", "light_space", "receivers", "device"),
+        *("errors", "parameters", "choices", "scene", "world", "receivers", "device"),
+        *("method", "motion", "camera_pass"),
     },
     # results: read without Warp
-    "rows": set(),
-    "choices": set(),
+    "rows": {"choices"},
+    "choices": {"errors"},
     "toml_lines": set(),
     "experiment_file": {"errors", "rows", "choices", "toml_lines"},
     "experiment": {"errors", "rows", "choices", "experiment_file"},
@@ -69,6 +71,7 @@ ROOMS: dict[str, set[str]] = {
             "experiment",
             "identity",
             "method",
+            "motion",
             "scene",
             "world",
             "light_space",
@@ -77,8 +80,8 @@ ROOMS: dict[str, set[str]] = {
         *("light_space_kernel", "filtered_reference"),
     },
     "store": {"errors", "rows", "experiment"},
-    "tables": {"errors", "rows", "experiment", "metrics", "store"},
-    "report": {"errors", "rows", "experiment", "metrics", "store", "tables", "pictures"},
+    "tables": {"errors", "rows", "choices", "experiment", "metrics", "store"},
+    "report": {"errors", "choices", "rows", "experiment", "metrics", "store", "tables", "pictures"},
     "cli": {"*"},
 }
 """Each room and the rooms it may import from. Extending this list is a decision: write down why in CONTRIBUTING.md."""
