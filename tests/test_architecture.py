@@ -57,6 +57,7 @@ ROOMS: dict[str, set[str]] = {
     # results: read without Warp
     "rows": {"choices"},
     "choices": {"errors"},
+    "statistics": set(),
     "toml_lines": set(),
     "experiment_file": {"errors", "rows", "choices", "toml_lines"},
     "experiment": {"errors", "rows", "choices", "experiment_file"},
@@ -77,16 +78,16 @@ ROOMS: dict[str, set[str]] = {
             "light_space",
         ),
         *("receivers", "camera_pass", "reference", "metrics", "pictures", "contract", "device", "rows", "store"),
-        *("light_space_kernel", "filtered_reference"),
+        *("light_space_kernel", "filtered_reference", "statistics"),
     },
     "store": {"errors", "rows", "experiment"},
-    "tables": {"errors", "rows", "choices", "experiment", "metrics", "store"},
-    "report": {"errors", "choices", "rows", "experiment", "metrics", "store", "tables", "pictures"},
+    "tables": {"choices", "errors", "experiment", "metrics", "rows", "statistics", "store"},
+    "report": {"choices", "errors", "experiment", "metrics", "pictures", "rows", "statistics", "store", "tables"},
     "cli": {"*"},
 }
 """Each room and the rooms it may import from. Extending this list is a decision: write down why in CONTRIBUTING.md."""
 
-WITHOUT_WARP = ("rows", "experiment", "store", "tables", "report", "cli", "errors", "scene", "parameters")
+WITHOUT_WARP = ("rows", "experiment", "statistics", "store", "tables", "report", "cli", "errors", "scene", "parameters")
 
 
 def _room_of(path: Path) -> str:
