@@ -34,7 +34,7 @@ ROOMS: dict[str, set[str]] = {
     "likeness": {"receivers"},
     "metrics": {"receivers", "reference", "filtered_reference", "likeness", "world"},
     "pictures": {"receivers", "reference", "filtered_reference", "scene", "world"},
-    "plugins": {"errors", "method", "scene"},
+    "plugins": {"errors", "method", "scene", "imported_code"},
     "methods": {
         "errors",
         "parameters",
@@ -59,7 +59,8 @@ ROOMS: dict[str, set[str]] = {
     "experiment_file": {"errors", "rows", "choices", "toml_lines"},
     "experiment": {"errors", "rows", "choices", "experiment_file"},
     "experiments": set(),
-    "identity": {"errors", "rows", "plugins"},
+    "imported_code": set(),
+    "identity": {"errors", "rows", "imported_code"},
     "runner": {
         *(
             "errors",
@@ -74,7 +75,7 @@ ROOMS: dict[str, set[str]] = {
             "light_space",
         ),
         *("receivers", "camera_pass", "reference", "metrics", "pictures", "contract", "device", "rows", "store"),
-        *("light_space_kernel", "filtered_reference"),
+        *("light_space_kernel", "filtered_reference", "imported_code"),
     },
     "store": {"errors", "rows", "experiment"},
     "tables": {"errors", "rows", "experiment", "metrics", "store"},
