@@ -11,6 +11,8 @@
     progress.py     what a running plan shows
     listing.py      list, show
     results.py      table, report
+    claims.py       claims
+    writing.py      what --output does
     check.py        check
     doctor.py       doctor; machine_checks.py has what it looks at
 
