@@ -23,6 +23,11 @@ file every key of a ``[[comparison]]`` takes one value or a list, and a list swe
     where = {method = "shadow-map", resolution = [512, 2048]}
     values = {static_frame_ms = [3.5, 7.1]}
 
+    [[claim]]                           # what is claimed, and the tests that would make it true: shadowbench.claim
+    name = "size-costs"
+    statement = "A larger map makes a frame slower."
+    test = {value = "dynamic_frame_ms", of = {method = "shadow-map"}, is = "growing", over = "resolution"}
+
 Reading, tabling and serving use this module, so it must never import Warp or a plugin.
 """
 
@@ -42,6 +47,7 @@ from shadowbench.choices import (
     size_of,
     thread_count_of,
 )
+from shadowbench.claim import Claim
 from shadowbench.errors import ExperimentError, UsageError, did_you_mean
 from shadowbench.experiment_file import ComparisonTable, LayoutTable, read
 
@@ -134,6 +140,7 @@ class Experiment:
         title, source, description: For people; ``source`` is the paper and table.
         comparisons: What is measured.
         tables: What is printed; empty for the default table.
+        claims: What is claimed of the results, to be answered from the rows.
         budget_s: Time that the rounds of one comparison may take, or ``None`` for the run's option [s].
         text: The TOML text it was read from, empty if it was made from options.
     """
@@ -144,6 +151,7 @@ class Experiment:
     source: str = ""
     description: str = ""
     tables: tuple[TableLayout, ...] = ()
+    claims: tuple[Claim, ...] = ()
     budget_s: float | None = None
     text: str = ""
 
@@ -198,6 +206,7 @@ def parse(text: str, *, name: str, file: str = "", folder: Path | None = None) -
         description=parsed.description,
         comparisons=tuple(_comparison(c, folder) for c in parsed.comparison),
         tables=tuple(_layout(t) for t in parsed.table),
+        claims=tuple(c.claim() for c in parsed.claim),
         budget_s=parsed.budget,
         text=text,
     )

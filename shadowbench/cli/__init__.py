@@ -11,6 +11,8 @@
     progress.py     what a running plan shows
     listing.py      list, show
     results.py      table, report
+    claims.py       claims
+    writing.py      what --output does
     transfer.py     export, import, backup, restore
     token.py        token create, list, revoke
     check.py        check

@@ -42,6 +42,16 @@ def formats(incomplete: str) -> list[str]:
     return _offered(_formats, incomplete)
 
 
+def claim_formats(incomplete: str) -> list[str]:
+    """Complete a format of claims."""
+    return _offered(_claim_formats, incomplete)
+
+
+def claim_failures(incomplete: str) -> list[str]:
+    """Complete what ``claims --fail-on`` takes."""
+    return _offered(_claim_failures, incomplete)
+
+
 def what_to_list(incomplete: str) -> list[str]:
     """Complete what ``list`` can list."""
     return _offered(_lists, incomplete)
@@ -90,3 +100,15 @@ def _lists() -> Iterable[str]:
     from shadowbench.cli.listing import WHAT
 
     return WHAT
+
+
+def _claim_formats() -> Iterable[str]:
+    from shadowbench.tables.claims_text import CLAIM_FORMATS
+
+    return CLAIM_FORMATS
+
+
+def _claim_failures() -> Iterable[str]:
+    from shadowbench.cli.claims import FAILURES
+
+    return FAILURES
