@@ -20,7 +20,9 @@ ROOMS: dict[str, set[str]] = {
     # device code: knows frames and lights, never a method
     "device": {"errors", "scene", "world", "light_space", "light_space_kernel", "receivers"},
     "method": {"errors", "scene", "world", "light_space", "light_space_kernel", "receivers", "device"},
-    "depth_map_method": {"method", "parameters", "scene", "world", "light_space", "receivers", "device"},
+    "depth_map_method": {
+        *("method", "light_picture", "parameters", "scene", "world", "light_space", "receivers", "device"),
+    },
     "light_picture": set(),
     "irregular_method": {"method", "light_picture", "receivers", "scene", "world", "device"},
     "filtered_map_method": {
