@@ -20,8 +20,17 @@ ROOMS: dict[str, set[str]] = {
     # device code: knows frames and lights, never a method
     "device": {"errors", "scene", "world", "light_space", "light_space_kernel", "receivers"},
     "method": {"errors", "scene", "world", "light_space", "light_space_kernel", "receivers", "device"},
-    "motion": {"method", "scene", "world", "light_space"},
-    "depth_map_method": {"method", "parameters", "scene", "world", "light_space", "receivers", "device"},
+    "motion": {"light_space", "method", "scene", "world"},
+    "depth_map_method": {
+        "device",
+        "light_picture",
+        "light_space",
+        "method",
+        "parameters",
+        "receivers",
+        "scene",
+        "world",
+    },
     "light_picture": set(),
     "irregular_method": {"method", "light_picture", "receivers", "scene", "world", "device"},
     "filtered_map_method": {
