@@ -14,6 +14,8 @@
     claims.py       claims
     pareto.py       pareto
     writing.py      what --output does
+    transfer.py     export, import, backup, restore
+    token.py        token create, list, revoke
     check.py        check
     doctor.py       doctor; machine_checks.py has what it looks at
 

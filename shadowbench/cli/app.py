@@ -15,6 +15,8 @@ from shadowbench.cli.listing import list_names, show
 from shadowbench.cli.pareto import pareto
 from shadowbench.cli.results import report, table
 from shadowbench.cli.run import run
+from shadowbench.cli.token import app as token_app
+from shadowbench.cli.transfer import backup, export_, import_, restore
 
 _EPILOG = (
     "Exit status: 0 all cases ok or skipped, 1 some case failed, 2 bad usage or a bad file, 70 a fault of shadowbench, "
@@ -60,3 +62,8 @@ app.command()(pareto)
 app.command()(report)
 app.command()(check)
 app.command()(doctor)
+app.command("export")(export_)
+app.command("import")(import_)
+app.command()(backup)
+app.command()(restore)
+app.add_typer(token_app, name="token")

@@ -67,6 +67,11 @@ def what_to_list(incomplete: str) -> list[str]:
     return _offered(_lists, incomplete)
 
 
+def movings(incomplete: str) -> list[str]:
+    """Complete what moves between two frames."""
+    return _offered(_movings, incomplete)
+
+
 def _offered(names: Callable[[], Iterable[str]], incomplete: str) -> list[str]:
     try:
         return [name for name in names() if name.startswith(incomplete)]
@@ -105,6 +110,12 @@ def _formats() -> Iterable[str]:
     from shadowbench.tables import FORMATS
 
     return FORMATS
+
+
+def _movings() -> Iterable[str]:
+    from shadowbench.choices import MOVING
+
+    return MOVING
 
 
 def _lists() -> Iterable[str]:

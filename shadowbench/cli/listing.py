@@ -215,12 +215,15 @@ def _show_experiment(experiment: Experiment) -> None:
             ", ".join(f"{width}x{height}" for width, height in c.sizes),
             ", ".join(map(str, c.pixel_samples)),
             ", ".join(map(str, c.layers)),
+            ", ".join(c.moving),
             ", ".join(map(str, c.threads)) or "as the run",
         )
         for c in experiment.comparisons
     ]
     _rows(
-        "Comparisons", ("scenes", "methods", "lights", "cameras", "sizes", "pixel samples", "layers", "threads"), lines
+        "Comparisons",
+        ("scenes", "methods", "lights", "cameras", "sizes", "pixel samples", "layers", "moving", "threads"),
+        lines,
     )
     titles = [(layout.title, ", ".join(layout.values)) for layout in experiment.tables]
     _rows("Tables", ("title", "columns"), titles)

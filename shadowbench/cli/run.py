@@ -85,6 +85,15 @@ def run(
         list[int] | None,
         typer.Option("--layers", metavar="N", min=1, help="Most surfaces a sample sees through translucent ones."),
     ] = None,
+    moving: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--moving",
+            metavar="WHAT",
+            help="What moves between frames: everything, object, light or camera.",
+            autocompletion=completion.movings,
+        ),
+    ] = None,
     device: Annotated[str, typer.Option("--device", metavar="NAME", help="The Warp device.")] = "cpu",
     threads: Annotated[
         list[int] | None,
@@ -117,6 +126,7 @@ def run(
         "sizes": size or [],
         "pixel_samples": pixel_samples or [],
         "layers": layers or [],
+        "moving": moving or [],
         "threads": threads or [],
     }
     given = {
