@@ -13,6 +13,8 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from shadowbench.choices import EVERYTHING
+
 
 class Outcome(StrEnum):
     """How a case ended. Every case ends in a row with one of these."""
@@ -71,6 +73,7 @@ class ResultRow(BaseModel):
     height: int = Field(description="picture height [pixels]")
     pixel_samples: int = Field(1, description="samples of every pixel, each a receiver")
     layers: int = Field(1, description="most surfaces that a sample sees through translucent ones, each a receiver")
+    moving: str = Field(EVERYTHING, description="what moves between two frames, so that build() is paid for it")
     device: str = Field(description="Warp device")
     threads: int = Field(description="threads the method may use")
 

@@ -11,6 +11,10 @@
     numbers.py    significant digits, percentages, bytes
     plain_text.py names that are safe to print
     terminal.py csv_text.py markup.py json_text.py    the formats
+    quantities.py a number with its interval, and the ratio of two
+    decisions.py  whether numbers are what a claim says
+    claim_tests.py claims.py claims_text.py    claims answered: one test, all of a run, and written
+    pareto.py     cost against quality: which methods no other beats on both
     frames.py     a pandas DataFrame for notebooks
 
 Reads rows and experiments only; imports no Warp and no plugin.

@@ -17,7 +17,7 @@ from shadowbench.tables.columns import MEASURE, ROW_COLUMNS, Scalar, is_value_co
 Layouts = Mapping[str, Sequence[TableLayout]]
 """Experiment -> its tables."""
 
-SETTING = ("scene", "light", "camera", "size", "pixel_samples", "layers", "device", "threads")
+SETTING = ("scene", "light", "camera", "size", "pixel_samples", "layers", "moving", "device", "threads")
 """What a case is besides its method; what is the same for all cases of a table stands in a note."""
 
 DEFAULT_VALUES = (

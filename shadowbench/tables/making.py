@@ -6,6 +6,7 @@ import itertools
 from collections import Counter
 from collections.abc import Sequence
 
+from shadowbench.choices import EVERYTHING
 from shadowbench.errors import UsageError, did_you_mean
 from shadowbench.experiment import TableLayout
 from shadowbench.rows import Outcome, ResultRow, RunRecord, RunStatus, own_libraries
@@ -33,6 +34,9 @@ from shadowbench.tables.layout import (
 from shadowbench.tables.plain_text import LONGEST_NOTE, plain, shortened
 from shadowbench.tables.printed import KINDS, Kind, header_of, matches, printed_cells
 from shadowbench.tables.table import Cell, Header, Table
+
+_ORDINARY = {"pixel_samples": 1, "layers": 1, "moving": EVERYTHING}
+"""Settings of a picture that go without saying."""
 
 _MOST_WARNINGS = 10
 
@@ -212,8 +216,8 @@ class _Making:
         """Return a setting that all cases have in common, as ``threads 2``, or an empty string."""
         found = {self.named(row, name) for row in self.rows}
         value = found.pop() if len(found) == 1 else ""
-        if value == "" or (name in ("pixel_samples", "layers") and value == 1):
-            return ""  # what an ordinary picture has goes without saying
+        if value == "" or _ORDINARY.get(name, "") == value:
+            return ""
         return str(value) if name == "size" else f"{name} {value}"
 
 
