@@ -181,6 +181,12 @@ class ResultRow(BaseModel):
 FRAME_RATES = {"static_frame_fps": "static_frame_ms", "dynamic_frame_fps": "dynamic_frame_ms"}
 """Values that tables make of a row [frames per second], and the columns [ms] that they are the inverse of."""
 
+RATIOS = {f"{name}_ratio": f"{name}_ms" for name in ("build", "shade", "camera", "static_frame", "dynamic_frame")}
+"""Values that tables make of a row and its comparison's first case: how many times as long it takes, of which time."""
+
+VERDICTS = {ratio.replace("_ratio", "_verdict"): ratio for ratio in RATIOS}
+"""What a ratio says in words: ``faster``, ``slower`` or ``no difference shown``."""
+
 LONG_FIELDS = ("stages", "counters", "kept", "samples", "artifacts")
 """Fields that stand beside the row as (case_key, name, value, unit)."""
 
