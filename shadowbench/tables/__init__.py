@@ -8,6 +8,7 @@
     table.py      Table, Header, Cell: what every format is written from
     printed.py    a source's printed numbers beside ours, and the ratio
     making.py     rows + layout -> Table
+    verdicts.py   a case's times against those of its comparison's first case, judged over the table
     numbers.py    significant digits, percentages, bytes
     plain_text.py names that are safe to print
     terminal.py csv_text.py markup.py json_text.py    the formats

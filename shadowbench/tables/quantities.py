@@ -98,7 +98,12 @@ def ratio_of(row: ResultRow, name: str, to_row: ResultRow, to_name: str) -> Quan
         durations, to_durations = to_durations, durations
     in_same_rounds = row.comparison != "" and row.comparison == to_row.comparison
     in_same_rounds = in_same_rounds and len(durations) == len(to_durations)
-    contrast = paired(durations, to_durations) if in_same_rounds else separate(durations, to_durations)
+    processes = row.round_processes or None
+    contrast = (
+        paired(durations, to_durations, processes)
+        if in_same_rounds
+        else separate(durations, to_durations, processes, to_row.round_processes or None)
+    )
     found = contrast.interval()
     low, high = (0.0, math.inf) if found.low is None or found.high is None else (found.low, found.high)
     return Quantity(found.estimate, low, high, contrast)
