@@ -112,9 +112,9 @@ def _planned(read: experiment.Experiment, values: set[str]) -> Iterator[ResultRo
     times = [f"{phase}_ms" for phase in ("build", "shade", "camera", "static_frame", "dynamic_frame")]
     plain |= {f"{name}{end}": 1.0 for name in times for end in ("", "_low", "_high")}
     for comparison in read.comparisons:
-        for scene, light, camera, (width, height), samples, layers in itertools.product(
+        for scene, light, camera, (width, height), samples, layers, moving in itertools.product(
             *(comparison.scenes, comparison.lights, comparison.cameras),
-            *(comparison.sizes, comparison.pixel_samples, comparison.layers),
+            *(comparison.sizes, comparison.pixel_samples, comparison.layers, comparison.moving),
         ):
             for scene_values, method in itertools.product(scene.expand(), comparison.methods):
                 for method_values in method.expand():
@@ -134,6 +134,7 @@ def _planned(read: experiment.Experiment, values: set[str]) -> Iterator[ResultRo
                         height=height,
                         pixel_samples=samples,
                         layers=layers,
+                        moving=moving,
                         device="cpu",
                         threads=1,
                         outcome="ok",
