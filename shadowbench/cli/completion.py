@@ -29,7 +29,7 @@ def experiments(incomplete: str) -> list[str]:
 
 def anything(incomplete: str) -> list[str]:
     """Complete what ``show`` can show."""
-    return _offered(lambda: [*_plugins("method"), *_plugins("scene"), *_experiments()], incomplete)
+    return _offered(lambda: [*_plugins("method"), *_plugins("scene"), *_experiments(), *_topics()], incomplete)
 
 
 def runs(incomplete: str) -> list[str]:
@@ -146,3 +146,9 @@ def _qualities() -> Iterable[str]:
     from shadowbench.tables.pareto import QUALITIES
 
     return QUALITIES
+
+
+def _topics() -> Iterable[str]:
+    from shadowbench.cli.listing import TOPICS
+
+    return TOPICS
