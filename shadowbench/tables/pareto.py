@@ -10,7 +10,7 @@ dominates it), or *open* (some method is better by the values, but the intervals
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 from shadowbench.errors import UsageError, did_you_mean
@@ -72,22 +72,26 @@ class Front:
     """The methods of one view.
 
     Attributes:
-        setting: All that its cases have in common, by column; of the scene the label.
         scene: Label: the name, with the parameters that tell it from the other fronts' scenes.
-        light, camera, width, height: Of the view.
+        light, camera, width, height, pixel_samples, layers, device, threads: Of the view.
         cost, quality: Names of the columns.
         points: Every measured case that has both, the cheapest first.
+        setting: All that its cases have in common, by column; of the scene the label.
     """
 
-    setting: dict[str, Scalar]
     scene: str
     light: str
     camera: str
     width: int
     height: int
+    pixel_samples: int
+    layers: int
+    device: str
+    threads: int
     cost: str
     quality: str
     points: tuple[FrontPoint, ...]
+    setting: dict[str, Scalar] = field(default_factory=dict)
 
 
 def fronts(rows: Sequence[ResultRow], cost: str = COST, quality: str = QUALITY) -> tuple[Front, ...]:
@@ -171,9 +175,8 @@ def _front(rows: Sequence[ResultRow], scenes: Labels, cost: str, quality: str) -
     first = rows[0]
     setting = {name: value_of(first, name) for name in SETTING} | {"scene": scenes.of(first)}
     return Front(
-        setting,
-        *(scenes.of(first), first.light, first.camera, first.width, first.height, cost, quality),
-        points,
+        *(scenes.of(first), first.light, first.camera, first.width, first.height, first.pixel_samples, first.layers),
+        *(first.device, first.threads, cost, quality, points, setting),
     )
 
 

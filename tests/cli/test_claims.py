@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -96,7 +98,9 @@ def test_wrong_option_of_claims_is_refused(command: Command, claimed: Path, opti
 def test_a_run_without_claims_says_so(command: Command, results: Path) -> None:
     ended = command("claims", "latest", "--results", str(results))
     assert ended.status == 0
-    assert "makes a claim" in ended.err
+    assert "made a claim" in ended.err
+    assert "--claims-of NAME" in ended.err
+    assert command("claims", "latest", "--results", str(results), "--claims-of", "papers").status == 0
 
 
 def test_fronts_and_limits_are_printed_and_written(command: Command, claimed: Path, tmp_path: Path) -> None:
@@ -130,3 +134,15 @@ def test_wrong_option_of_pareto_is_refused(command: Command, claimed: Path, opti
     ended = command("pareto", "latest", "--results", str(claimed), *options)
     assert ended.status == 2
     assert message in ended.err
+
+
+@pytest.mark.parametrize("name", ["claims", "pareto", "table"])
+def test_reading_a_run_imports_neither_warp_nor_a_plugin(claimed: Path, name: str) -> None:
+    code = (
+        f"import sys; from shadowbench.cli import main; main(['{name}', 'latest', '--results', sys.argv[1]]); "
+        "print('MODULES', *sorted(sys.modules))"
+    )
+    ended = subprocess.run([sys.executable, "-c", code, str(claimed)], capture_output=True, text=True, check=True)
+    loaded = set(ended.stdout.rpartition("MODULES")[2].split())
+    assert not {m for m in loaded if m.split(".")[0] in ("warp", "pyvista", "pandas", "plotly")}
+    assert not {m for m in loaded if m.startswith(("shadowbench.methods", "shadowbench.scenes", "shadowbench.device"))}
