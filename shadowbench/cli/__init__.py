@@ -11,6 +11,7 @@
     progress.py     what a running plan shows
     listing.py      list, show
     results.py      table, report
+    compare.py      compare
     check.py        check
     doctor.py       doctor; machine_checks.py has what it looks at
 

@@ -8,6 +8,7 @@ import typer
 
 from shadowbench import __version__
 from shadowbench.cli.check import check
+from shadowbench.cli.compare import compare
 from shadowbench.cli.doctor import doctor
 from shadowbench.cli.exit_status import ExitStatus
 from shadowbench.cli.listing import list_names, show
@@ -54,5 +55,6 @@ app.command("list")(list_names)
 app.command()(show)
 app.command()(table)
 app.command()(report)
+app.command()(compare)
 app.command()(check)
 app.command()(doctor)

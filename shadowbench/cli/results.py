@@ -49,7 +49,7 @@ def table(
         complain(f"run {record.run_id} has no finished case yet")
     written = tables.render(tables.make(rows, run=record, experiment=experiment), cast("Format", format))
     if output is not None:
-        _write(output, written)
+        write(output, written)
     elif isinstance(written, str):
         sys.stdout.write(written)
     else:
@@ -75,7 +75,7 @@ def report(
     print(path)
 
 
-def _write(path: Path, written: object) -> None:
+def write(path: Path, written: object) -> None:
     """Write text, or what rich can print, to a file (then without colour, 160 columns wide)."""
     try:
         with path.open("w", encoding="utf-8", newline="") as file:

@@ -99,6 +99,7 @@ def measured_row(
         comparison=comparison,
         self_hit=measured["self_hit"],
         visibility_digest=measured["visibility_digest"],
+        changed_count=measured["changed_count"],
         rounds=len(timing.shade),
         compile_ms=compile_ms,
         bytes_kept=sum(measured["kept"].values()),

@@ -100,6 +100,7 @@ class StoredRow(Base):
         ForeignKeyConstraint(["run_id"], ["runs.run_id"], ondelete="CASCADE"),
         Index(None, "run_id", "experiment", "case_key", unique=True),
         Index(None, "case_key"),
+        Index(None, "quality_key"),
     )
 
 

@@ -12,6 +12,7 @@
     plain_text.py names that are safe to print
     terminal.py csv_text.py markup.py json_text.py    the formats
     frames.py     a pandas DataFrame for notebooks
+    matching.py comparing.py changed_times.py    two runs, case by case; comparison_text.py writes it
 
 Reads rows and experiments only; imports no Warp and no plugin.
 """
