@@ -1,7 +1,7 @@
 """Where a row's measures come from, and how many receivers changed between repeats.
 
-Revision ID: 0004
-Revises: 0003
+Revision ID: 0007
+Revises: 0005
 """
 
 from __future__ import annotations
@@ -9,8 +9,8 @@ from __future__ import annotations
 import sqlalchemy as sa
 from alembic import op
 
-revision: str = "0004"
-down_revision: str | None = "0003"
+revision: str = "0007"
+down_revision: str | None = "0005"
 branch_labels: str | None = None
 depends_on: str | None = None
 
