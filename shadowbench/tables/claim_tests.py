@@ -15,7 +15,7 @@ from shadowbench.tables.decisions import Decision, OpenQuestion, Verdict, compar
 from shadowbench.tables.numbers import number_text
 from shadowbench.tables.quantities import Quantity, divided, exact, quantity_of, ratio_of, scaled
 
-SETTING = ("scene", "light", "camera", "size", "pixel_samples", "layers", "device", "threads")
+SETTING = ("scene", "light", "camera", "size", "pixel_samples", "layers", "moving", "device", "threads")
 
 
 @dataclass(frozen=True)

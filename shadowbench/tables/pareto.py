@@ -70,7 +70,7 @@ class Front:
 
     Attributes:
         scene: Label: the name, with the parameters that tell it from the other fronts' scenes.
-        light, camera, width, height, pixel_samples, layers, device, threads: The rest of the view.
+        light, camera, width, height, pixel_samples, layers, moving, device, threads: The rest of the view.
         cost, quality: Names of the columns.
         points: Every measured case that has both, the cheapest first.
     """
@@ -82,6 +82,7 @@ class Front:
     height: int
     pixel_samples: int
     layers: int
+    moving: str
     device: str
     threads: int
     cost: str
@@ -127,6 +128,7 @@ def _view(row: ResultRow) -> tuple[object, ...]:
         row.height,
         row.pixel_samples,
         row.layers,
+        row.moving,
         row.device,
         row.threads,
     )
@@ -140,6 +142,7 @@ def _front(rows: Sequence[ResultRow], scenes: Labels, cost: str, quality: str) -
     return Front(
         scenes.of(first),
         *(first.light, first.camera, first.width, first.height, first.pixel_samples, first.layers),
+        first.moving,
         *(first.device, first.threads, cost, quality, points),
     )
 
