@@ -29,7 +29,7 @@ def experiments(incomplete: str) -> list[str]:
 
 def anything(incomplete: str) -> list[str]:
     """Complete what ``show`` can show."""
-    return _offered(lambda: [*_plugins("method"), *_plugins("scene"), *_experiments()], incomplete)
+    return _offered(lambda: [*_plugins("method"), *_plugins("scene"), *_experiments(), *_topics()], incomplete)
 
 
 def runs(incomplete: str) -> list[str]:
@@ -60,6 +60,16 @@ def comparison_formats(incomplete: str) -> list[str]:
 def change_kinds(incomplete: str) -> list[str]:
     """Complete what ``compare --fail-on`` can name."""
     return _offered(_change_kinds, incomplete)
+
+
+def costs(incomplete: str) -> list[str]:
+    """Complete a column that can be a cost."""
+    return _offered(_costs, incomplete)
+
+
+def qualities(incomplete: str) -> list[str]:
+    """Complete a column that can be a quality."""
+    return _offered(_qualities, incomplete)
 
 
 def what_to_list(incomplete: str) -> list[str]:
@@ -146,3 +156,21 @@ def _claim_failures() -> Iterable[str]:
     from shadowbench.cli.claims import FAILURES
 
     return FAILURES
+
+
+def _costs() -> Iterable[str]:
+    from shadowbench.tables.pareto import COSTS
+
+    return COSTS
+
+
+def _qualities() -> Iterable[str]:
+    from shadowbench.tables.pareto import QUALITIES
+
+    return QUALITIES
+
+
+def _topics() -> Iterable[str]:
+    from shadowbench.cli.listing import TOPICS
+
+    return TOPICS
