@@ -34,7 +34,7 @@ ROOMS: dict[str, set[str]] = {
     "likeness": {"receivers"},
     "metrics": {"receivers", "reference", "filtered_reference", "likeness", "world"},
     "pictures": {"receivers", "reference", "filtered_reference", "scene", "world"},
-    "plugins": {"errors", "method", "scene"},
+    "plugins": {"errors", "method", "scene", "imported_code"},
     "methods": {
         "errors",
         "parameters",
@@ -63,7 +63,8 @@ ROOMS: dict[str, set[str]] = {
     "experiment_file": {"errors", "choices", "claim_file", "toml_lines", "toml_values"},
     "experiment": {"errors", "rows", "choices", "claim", "experiment_file"},
     "experiments": set(),
-    "identity": {"errors", "rows", "plugins"},
+    "imported_code": set(),
+    "identity": {"errors", "rows", "imported_code"},
     "runner": {
         *(
             "errors",
@@ -78,7 +79,7 @@ ROOMS: dict[str, set[str]] = {
             "light_space",
         ),
         *("receivers", "camera_pass", "reference", "metrics", "pictures", "contract", "device", "rows", "store"),
-        *("light_space_kernel", "filtered_reference", "statistics"),
+        *("light_space_kernel", "filtered_reference", "imported_code", "statistics"),
     },
     "store": {"errors", "rows", "experiment"},
     "tables": {"errors", "rows", "claim", "experiment", "metrics", "store", "statistics"},
