@@ -11,7 +11,7 @@ import hashlib
 import math
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -32,6 +32,7 @@ from shadowbench.pictures import case_pictures, png
 from shadowbench.runner.cache import Cache
 from shadowbench.runner.kernels import load_kernels
 from shadowbench.runner.peak_memory import forget_peak, peak_bytes
+from shadowbench.runner.sampling import WARM_BELOW_MS, WarmUp, repeats_for
 
 if TYPE_CHECKING:
     from shadowbench.filtered_reference import FilteredReference
@@ -40,12 +41,6 @@ if TYPE_CHECKING:
     from shadowbench.reference import Reference
     from shadowbench.scene import Light
     from shadowbench.world import World
-
-WARM_BELOW_MS = 25.0
-"""A frame shorter than this runs once untimed in its round: what it needs was evicted while other workers ran."""
-
-_SECOND_FRAME_BELOW_MS = 2000.0
-"""A longer first frame is not repeated to warm up; the first round is its first repeat."""
 
 
 class CaseHost:
@@ -65,6 +60,7 @@ class CaseHost:
         self._changed_count = 0
         self._warnings: list[str] = []
         self._last_ms = math.inf
+        self._repeats = 1, 1
 
     def load(
         self,
@@ -118,32 +114,51 @@ class CaseHost:
         self._tell_phase("compiling kernels")
         return {"kernels": load_kernels([cls.__module__], device)}
 
-    def warm_up(self) -> dict[str, Any]:
-        """Run a frame or two outside the clock and hold the results to the contract.
+    def warm_up(self, repeats: Sequence[int] | None = None) -> dict[str, Any]:
+        """Run frames outside the clock until they are steady, hold the results to the contract, and calibrate.
 
-        Raises:
-            InvalidResultError: The result breaks it.
-        """
-        self._frame(tell=True)
-        if self._last_ms < _SECOND_FRAME_BELOW_MS:
-            self._frame()
-        gc.collect()
-        gc.freeze()  # what is alive now need not be looked at again while the clock runs
-        return {"frame_ms": self._last_ms}
-
-    def round(self) -> dict[str, Any]:
-        """Time one frame.
+        Args:
+            repeats: How often build and shade are repeated within a sample, where another process has found out.
 
         Returns:
-            ``build`` and ``shade`` [ms], ``stages``.
+            ``frames``: how many there were; ``repeats`` of build and of shade; ``visibility_digest`` and ``counters``,
+            which are the same in every process.
+
+        Raises:
+            InvalidResultError: The result breaks the contract.
+        """
+        warm_up = WarmUp()
+        while not warm_up.is_over:
+            durations = self._frame(tell=warm_up.frames == 0)
+            warm_up.add(sum(durations))
+        build, shade = map(repeats_for, durations) if repeats is None else repeats
+        self._repeats = build, shade
+        gc.collect()
+        gc.freeze()  # what is alive now need not be looked at again while the clock runs
+        return {
+            "frames": warm_up.frames,
+            "repeats": self._repeats,
+            "visibility_digest": self._first_digest,
+            "counters": self._first_counters,
+        }
+
+    def round(self) -> dict[str, Any]:
+        """Take one sample.
+
+        Returns:
+            ``build`` and ``shade`` [ms], ``stages``; all of them of one frame.
 
         Raises:
             InvalidResultError: The result breaks the contract, or differs from the first one.
         """
         if self._last_ms < WARM_BELOW_MS:
             self._frame()
-        build_ms, shade_ms = self._frame()
-        return {"build": build_ms, "shade": shade_ms, "stages": self._trace.stages}
+        build_ms, shade_ms = self._frame(self._repeats)
+        return {"build": build_ms, "shade": shade_ms, "stages": self._stages}
+
+    def peak_bytes(self) -> int:
+        """Return the largest resident size so far [bytes]."""
+        return peak_bytes()
 
     def kernel(self) -> dict[str, Any] | None:
         """Return the kernel that the reference must be filtered with, ``None`` for a hard test.
@@ -213,6 +228,7 @@ class CaseHost:
             "self_hit": self._method.self_hit_rule(),
             "view_dependent": self._method.is_view_dependent(),
             "visibility_digest": self._first_digest,
+            "changed_count": None if self._method.deterministic else self._changed_count,
             "peak_rss_bytes": self._peak,
             "warnings": self._warnings,
         }
@@ -230,27 +246,34 @@ class CaseHost:
         if self._method is not None:
             self._method.close()
 
-    def _frame(self, *, tell: bool = False) -> tuple[float, float]:
-        """Build and shade once; return both durations [ms]."""
+    def _frame(self, repeats: tuple[int, int] = (1, 1), *, tell: bool = False) -> tuple[float, float]:
+        """Build and shade, each as often as ``repeats`` says; return the durations of one of each [ms]."""
         assert self._method is not None
         wp.copy(self._visibility, self._unwritten)
         synchronize(self._context)
-        trace = self._trace = Trace(self._context)
+        # a trace for every repeat, made beforehand; the last of build() is the first of shade()
+        builds, shades = ([Trace(self._context) for _ in range(count)] for count in repeats)
+        trace = self._trace = shades[0] = builds[-1]
         casters = self._world.casters
         with _without_collection():
             if tell:
                 self._tell_phase("build")
             build_begin = time.perf_counter()
-            self._method.build(casters, self._light, self._view, self._changes, trace)
+            for build_trace in builds:
+                self._method.build(casters, self._light, self._view, self._changes, build_trace)
             synchronize(self._context)
             build_end = time.perf_counter()
+            built_stages = dict(trace.stages)
             if tell:
                 self._tell_phase("shade")
             shade_begin = time.perf_counter()
-            self._method.shade(self._receivers, self._visibility, trace)
+            for shade_trace in shades:
+                self._method.shade(self._receivers, self._visibility, shade_trace)
             synchronize(self._context)
             shade_end = time.perf_counter()
-        build_ms, shade_ms = (build_end - build_begin) * 1.0e3, (shade_end - shade_begin) * 1.0e3
+        self._stages = _stages_of_one_frame(builds, shades, built_stages)
+        build_ms = (build_end - build_begin) * 1.0e3 / len(builds)
+        shade_ms = (shade_end - shade_begin) * 1.0e3 / len(shades)
         self._last_ms = build_ms + shade_ms
         self._check(trace)
         return build_ms, shade_ms
@@ -278,6 +301,26 @@ class CaseHost:
             self._changed_count = max(self._changed_count, count)
         if self._method.deterministic and trace.counters != self._first_counters:
             raise InvalidResultError(_counter_difference(self._first_counters, trace.counters))
+
+
+def _stages_of_one_frame(
+    builds: Sequence[Trace], shades: Sequence[Trace], built_stages: dict[str, float]
+) -> dict[str, float]:
+    """Return the durations of stages over all repeats, as those of one frame [ms].
+
+    Args:
+        builds, shades: The traces of the repeats; the last of the one is the first of the other.
+        built_stages: What that one held between the two.
+    """
+    found: dict[str, float] = {}
+    for stages in (*(trace.stages for trace in builds[:-1]), built_stages):
+        for name, duration in stages.items():
+            found[name] = found.get(name, 0.0) + duration / len(builds)
+    for trace in shades:
+        before = built_stages if trace is shades[0] else {}
+        for name, duration in trace.stages.items():
+            found[name] = found.get(name, 0.0) + (duration - before.get(name, 0.0)) / len(shades)
+    return found
 
 
 def _counter_difference(first: dict[str, int], later: dict[str, int]) -> str:

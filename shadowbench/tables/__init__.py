@@ -16,6 +16,7 @@
     claim_tests.py claims.py claims_text.py    claims answered: one test, all of a run, and written
     pareto.py     cost against quality: which methods no other beats on both
     frames.py     a pandas DataFrame for notebooks
+    matching.py comparing.py changed_times.py    two runs, case by case; comparison_text.py writes it
 
 Reads rows and experiments only; imports no Warp and no plugin.
 """
