@@ -223,6 +223,10 @@ class PlacedInstances:
             corners[mine] = placed_vertices(part, self.authored[owner], self.origin).reshape(-1, 3, 3)
         return corners
 
+    def vertices_of(self, instance: int) -> NDArray[np.float32]:
+        """Return the world positions of one instance's vertices, float32, shape [vertex_count, 3]."""
+        return placed_vertices(self.meshes[self.instances[instance].mesh], self.authored[instance], self.origin)
+
     def blocks(self, size: int = 1 << 18) -> Iterator[TriangleBlock]:
         """Stream the triangles as NumPy arrays, at most ``size`` at a time, a block never crossing instances."""
         for instance in range(len(self.instances)):
@@ -231,18 +235,13 @@ class PlacedInstances:
                 vertices, triangles = self.kept_flat.vertices, self.kept_flat.triangles[begin:end]
             else:
                 mesh = self.meshes[self.instances[instance].mesh]
-                vertices = placed_vertices(mesh, self.authored[instance], self.origin)
-                triangles = mesh.triangles
+                vertices, triangles = self.vertices_of(instance), mesh.triangles
             for first in range(0, end - begin, size):
                 yield TriangleBlock(instance, first, vertices[triangles[first : first + size]])
 
     def instance_of(self, triangles: NDArray[np.integer]) -> NDArray[np.int32]:
         """Return the instance that owns each triangle."""
         return (np.searchsorted(self.first_triangle, triangles, side="right") - 1).astype(np.int32)
-
-    def by_triangle(self, of_instance: NDArray[Any], triangles: NDArray[np.integer]) -> NDArray[Any]:
-        """Return a value of each triangle's instance; -1 gets any."""
-        return of_instance[self.instance_of(triangles)]
 
     def bounds(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Return the lowest and highest coordinates over all vertices, shape [3] each; there must be an instance."""
