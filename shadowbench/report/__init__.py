@@ -8,7 +8,7 @@
     summary.py                  the head of the page: outcomes, claims, what won, notices
     sections.py downloads.py    an experiment's claims, tables and charts; files to take out of the page
     growth.py stage_bars.py pareto_plot.py    rows -> charts (chart.py says what one is)
-    svg.py                      charts -> the page
+    svg.py figures.py           charts -> the page, and figures for papers
     wording.py                  values as text
     page.py                     templates, style, scripts, Content-Security-Policy
     templates/ static/
@@ -76,6 +76,23 @@ def html(store: Store, run: RunRecord) -> str:
         StoreError: The rows cannot be read.
     """
     return _made(store, run, "")[0]
+
+
+def write_figures(store: Store, run: RunRecord, folder: Path) -> list[Path]:
+    """Write the charts of a run as PDF and SVG for papers and return the files; the same rows give the same bytes.
+
+    Raises:
+        StoreError: The rows cannot be read.
+        UsageError: The folder cannot be written.
+    """
+    from shadowbench.report import sections
+    from shadowbench.report.embedding import PicturePool
+    from shadowbench.report.figures import write_figures as write_all
+    from shadowbench.report.views import scene_views
+
+    rows = store.rows(run.run_id)
+    views = scene_views(run, rows, PicturePool(store.artifact))
+    return write_all(sections.all_charts(run, rows, views), folder)
 
 
 def _made(store: Store, run: RunRecord, folder: str) -> tuple[str, Files]:
