@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
-from shadowbench.errors import UsageError
+from shadowbench.errors import ExperimentError, UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -108,12 +108,17 @@ def _made(store: Store, run: RunRecord, folder: str) -> tuple[str, Files]:
     asked = PicturePool(store.artifact)
     views = scene_views(run, rows, asked)
     pool = asked.encode()
-    claims = answer_claims(run, rows)
+    notices = []
+    try:
+        claims = answer_claims(run, rows)
+    except ExperimentError as error:  # of another version, say; the rest of the page stands
+        claims = ()
+        notices.append(f"The claims cannot be answered: {error}")
     files = files_of(views)
     text = page.render(
         content=_content(views, pool, folder, files),
         pictures=pool.addresses,
-        summary=summarize(run, rows, views, claims, pool),
+        summary=summarize(run, rows, views, claims, pool, notices),
         experiments=sections.experiment_parts(run, rows, views, claims),
         pareto=sections.pareto_plots(rows, views),
         names=sections.names_of(views),

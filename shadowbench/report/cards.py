@@ -11,6 +11,7 @@ import shlex
 from dataclasses import dataclass
 from typing import Any
 
+from shadowbench.choices import EVERYTHING
 from shadowbench.experiment import Choice
 from shadowbench.report import wording
 from shadowbench.report.embedding import PicturePool, Priority
@@ -240,6 +241,8 @@ def reproduce_command(row: ResultRow) -> str:
         words += ["--pixel-samples", str(row.pixel_samples)]
     if row.layers > 1:
         words += ["--layers", str(row.layers)]
+    if row.moving != EVERYTHING:
+        words += ["--moving", row.moving]
     words += ["--device", row.device, "--threads", str(row.threads)]
     return shlex.join(wording.shown(word) for word in words)
 

@@ -14,6 +14,7 @@ from shadowbench.report.stage_bars import stage_bars, stage_styles
 from shadowbench.report.views import SceneView, view_key
 from shadowbench.rows import ResultRow, RunRecord
 from shadowbench.tables.claims import ClaimAnswer
+from shadowbench.tables.columns import header_text
 from shadowbench.tables.layout import layouts_of
 from shadowbench.tables.pareto import fronts
 from shadowbench.tables.table import Table
@@ -115,10 +116,12 @@ def pareto_plots(rows: Sequence[ResultRow], views: Sequence[SceneView]) -> list[
     titles = {view_key(view.cards[0].row): view.title for view in views}
     found = fronts(rows)
     keys = [view_key(front.points[0].row) for front in found]
-    plots = [
-        pareto_plot(front, titles[key] + (f", threads: {front.threads}" if keys.count(key) > 1 else ""), names)
-        for front, key in zip(found, keys, strict=True)
-    ]
+    plots = []
+    for front, key in zip(found, keys, strict=True):
+        beside = [other.setting for other, its in zip(found, keys, strict=True) if its == key]
+        apart = [name for name in front.setting if len({str(setting.get(name)) for setting in beside}) > 1]
+        title = ", ".join([titles[key], *(f"{header_text(name)}: {front.setting[name]}" for name in apart)])
+        plots.append(pareto_plot(front, title, names))
     return [plot for plot in plots if plot is not None]
 
 

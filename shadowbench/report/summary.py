@@ -117,8 +117,17 @@ def summarize(
     views: Sequence[SceneView],
     claims: Sequence[ClaimAnswer] = (),
     pool: Pool | None = None,
+    notices: Sequence[str] = (),
 ) -> Summary:
-    """Return the head of the page for a run, its rows, its gallery, its claims and what became of its pictures."""
+    """Return the head of the page.
+
+    Args:
+        run, rows: What was measured.
+        views: The gallery.
+        claims: With their verdicts.
+        pool: What became of the pictures.
+        notices: What else a reader must know.
+    """
     outcomes = Counter(row.outcome for row in rows)
     titles = _titles(run)
     answers = Counter(claim.verdict for claim in claims)
@@ -129,7 +138,7 @@ def summarize(
         claims=[(verdict, answers[verdict]) for verdict in ClaimVerdict if answers[verdict]],
         extent=_extent(rows, views),
         verdicts=[verdict for verdict in map(_verdict, views) if verdict.fastest is not None],
-        notices=_notices(run, rows) + _picture_notices(pool or Pool()),
+        notices=[*_notices(run, rows), *notices, *_picture_notices(pool or Pool())],
         warnings=_warnings(views),
         facts=_facts(run),
         environment=[*flattened(run.environment), *own_libraries(run, rows).items()],

@@ -89,10 +89,15 @@ def scene_views(run: RunRecord, rows: Sequence[ResultRow], pool: PicturePool) ->
 
 
 def titles(rows: Sequence[ResultRow], run: RunRecord) -> list[str]:
-    """Return each row's method label; of rows that share one, also the threads, device or experiment that differ."""
+    """Return each row's method label; of rows that share one, also what moves, the threads, device or experiment."""
     labels = Labels("method", rows, defaults=run.method_defaults)
     found = [labels.of(row) for row in rows]
-    for field, text in (("threads", "threads: {}"), ("device", "on {}"), ("experiment", "in {}")):
+    for field, text in (
+        ("moving", "moving: {}"),
+        ("threads", "threads: {}"),
+        ("device", "on {}"),
+        ("experiment", "in {}"),
+    ):
         if len(set(found)) < len(found) and len({getattr(row, field) for row in rows}) > 1:
             found = [
                 f"{label}, {text.format(getattr(row, field))}" if found.count(label) > 1 else label

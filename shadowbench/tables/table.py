@@ -115,4 +115,6 @@ class Table:
         """Return whether a column holds numbers, and so is aligned to the right."""
         cells = [line[column] for line in self.body]
         found = [cell.value for cell in cells if cell.value is not None]
-        return column >= len(self.index) or (bool(found) and not any(isinstance(v, str | bool) for v in found))
+        if column >= len(self.index) and not found:
+            return True
+        return bool(found) and not any(isinstance(v, str | bool) for v in found)

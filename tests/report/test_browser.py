@@ -45,7 +45,8 @@ class Opened:
 
 def _run() -> RunRecord:
     layout = {"title": "Sweep", "index": ["resolution"], "columns": "method", "values": ["shade_ms"]}
-    claim = {"name": "c", "statement": HOSTILE, "source": HOSTILE}
+    test = {"value": "shade_ms", "of": {"method": "pcf"}, "relation": "growing", "over": "resolution"}
+    claim = {"name": "c", "statement": HOSTILE, "source": HOSTILE, "tests": [test]}
     definitions = [
         {"name": "quick", "title": "A quick look", "description": "Words.", "tables": [layout], "claims": [claim]},
         {"name": HOSTILE, "title": HOSTILE, "source": HOSTILE, "description": HOSTILE},

@@ -246,11 +246,20 @@ def test_the_folder_keeps_what_others_put_there_and_loses_what_an_earlier_report
 
 def test_claims_stand_with_their_experiment(store: Store, run: RunRecord, add: Add) -> None:
     add()
-    claim = {"name": "c", "statement": "It is so <b>always</b>.", "source": "Someone 2001"}
+    test = {"value": "shade_ms", "of": {"method": "esm"}, "relation": "less than", "number": 1.0}
+    claim = {"name": "c", "statement": "It is so <b>always</b>.", "source": "Someone 2001", "tests": [test]}
     claiming = run.model_copy(update={"definitions": [{"name": "quick", "title": "A look", "claims": [claim]}]})
     text = read(report.html(store, claiming)).text
     assert "It is so <b>always</b>." in text
     assert "undecided" in text
+
+
+def test_a_stored_claim_that_cannot_be_read_costs_the_claims_only(store: Store, run: RunRecord, add: Add) -> None:
+    add()
+    claiming = run.model_copy(update={"definitions": [{"name": "quick", "claims": [{"name": "c"}]}]})
+    text = read(report.html(store, claiming)).text
+    assert "The claims cannot be answered" in text
+    assert "pcf" in text
 
 
 def test_masks_travel_once_as_palette_pictures(store: Store, run: RunRecord) -> None:
