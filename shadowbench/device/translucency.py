@@ -14,7 +14,7 @@ import numpy as np
 import warp as wp
 
 from shadowbench.device.arrays import as_warp
-from shadowbench.device.blocker_bins import Transmittances, caster_of, transmittances_of
+from shadowbench.device.blocker_bins import instances_of
 from shadowbench.device.instance_forest import InstanceForest
 from shadowbench.device.instance_forest_kernels import (
     Forest,
@@ -53,17 +53,17 @@ class Glass:
     """Transmittances as they follow each other in the file.
 
     Attributes:
-        of_triangle: Each caster triangle's instance and each instance's transmittance.
+        instance: Of each caster triangle, shape [triangle_count]; empty for a forest, which knows.
         group: Of each instance, shape [instance_count]: neighbours of the same transmittance share one; -1 if opaque.
         transmittance: Of each group, shape [group_count].
     """
 
-    of_triangle: Transmittances
+    instance: wp.array[wp.int32]
     group: wp.array[wp.int32]
     transmittance: wp.array[wp.vec3]
 
 
-def glass_of(casters: Casters, device: str) -> Glass:
+def glass_of(casters: Casters, device: str, *, by_triangle: bool) -> Glass:
     """Return the transmittances of casters that are not all opaque."""
     groups, transmittances = [], []
     for transmittance, instances in groupby(casters.instances, key=lambda i: i.transmittance):
@@ -71,7 +71,8 @@ def glass_of(casters: Casters, device: str) -> Glass:
         groups += [-1 if is_opaque else len(transmittances)] * sum(1 for _ in instances)
         transmittances += [] if is_opaque else [transmittance]
     glass = Glass()
-    glass.of_triangle = transmittances_of(casters, device)
+    counts = np.diff(casters.first_triangle) if by_triangle else np.zeros(0, np.int64)
+    glass.instance = instances_of(counts, 0, device)
     glass.group = as_warp(np.array(groups, np.int32), wp.int32, device)
     glass.transmittance = as_warp(np.array(transmittances, np.float32), wp.vec3, device)
     return glass
@@ -104,7 +105,7 @@ def count_crossings(tree: Tree, ray: Ray, glass: Glass, crossings: wp.array[wp.i
         while candidates != wp.uint32(0) and not blocked:
             lane = lowest_lane(candidates)
             candidates = without_lowest(candidates)
-            group = glass.group[caster_of(glass.of_triangle, tree.triangle[cursor.pack * LANES + lane])]
+            group = glass.group[glass.instance[tree.triangle[cursor.pack * LANES + lane]]]
             if group < 0:
                 blocked = crossing_in_pack(tree, ray, cursor.pack, lane) > wp.float64(0.0)
             elif crosses_once(tree, ray, cursor.pack, lane):
@@ -254,7 +255,8 @@ def trace_through(
             gets what red does.
         context: Where to run.
     """
-    glass, count = glass_of(casters, context.device), int(position.shape[0])
+    is_forest, count = isinstance(tree, InstanceForest), int(position.shape[0])
+    glass = glass_of(casters, context.device, by_triangle=not is_forest)
     by_channel = visibility
     if visibility.ndim == 1:
         by_channel = wp.empty((count, 3), dtype=wp.float32, device=context.device)
@@ -264,7 +266,7 @@ def trace_through(
     for begin in range(0, count, block):
         end = min(begin + block, count)
         launch(
-            _trace_through_forest if isinstance(tree, InstanceForest) else _trace_through,
+            _trace_through_forest if is_forest else _trace_through,
             end - begin,
             inputs=[
                 tree.packed(),
