@@ -150,6 +150,7 @@ class Plan:
         plan_key: Hash of all case keys; equal for a run that would measure the same.
         notes: What the user should know before it begins.
         method_defaults: Method to parameter to default, so that tables can leave defaults out.
+        warp: The device, and how Warp compiles for it, for the record.
     """
 
     experiments: tuple[Experiment, ...]
@@ -158,6 +159,7 @@ class Plan:
     plan_key: str
     notes: tuple[str, ...] = ()
     method_defaults: dict[str, dict[str, Any]] = field(default_factory=dict)
+    warp: dict[str, Any] = field(default_factory=dict)
 
     @property
     def cases(self) -> tuple[Case, ...]:
