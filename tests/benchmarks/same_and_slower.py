@@ -37,7 +37,7 @@ from shadowbench.tables.verdicts import contrast_of
 PLUGINS = Path(__file__).parent.parent / "plugins"
 PLUGIN_FILES = (PLUGINS / "tiny_scene.py", PLUGINS / "arithmetic.py")
 SIZE = (128, 96)
-STEPS = 300
+STEPS = 100
 TIME = "shade_ms"
 
 _LOAD = """
