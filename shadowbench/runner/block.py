@@ -16,6 +16,7 @@ from typing import Any
 import psutil
 
 from shadowbench.identity import available_cores, key_of
+from shadowbench.machine_state import Watch, Watched, load_average, warnings_of
 from shadowbench.rows import Outcome
 from shadowbench.runner.bench import OWN_WORK_TIMEOUT_S, Bench
 from shadowbench.runner.cases import Case, Obstacle
@@ -58,6 +59,8 @@ class Block:
         self._camera: CameraMember | None = CameraMember(bench.pool.take(case.threads))
         self._load_camera(self._camera)
         self._pace: Pace | None = None
+        self._seen = Watched()
+        self._load_before = self._load_after = load_average()
 
     def has_room(self) -> bool:
         """Return whether another worker fits beside those that are parked; two always must, to be compared."""
@@ -101,14 +104,21 @@ class Block:
             max_rounds=options.max_rounds,
             most_processes=options.processes,
         )
-        step = Step.ROUND
+        step, watch = Step.ROUND, self._watch()
         while self._members and step is not Step.END:
             if step is Step.RENEW:
+                self._seen += watch.end()
                 self._renew()
+                watch = self._watch()
             begin = time.monotonic()
             for timed in order_of(self._everyone(), pace.rounds):
                 self._time_once(timed, pace)
             step = pace.after_round(time.monotonic() - begin, lambda: all(m.is_tight for m in self._everyone()))
+        self._seen += watch.end()
+        self._load_after = load_average()
+
+    def _watch(self) -> Watch:
+        return Watch(timed.worker.process_id for timed in self._everyone())
 
     def _renew(self) -> None:
         """Load every case again in a fresh worker."""
@@ -274,6 +284,12 @@ class Block:
                 compile_ms=member.compile_ms,
                 timing=member.timing,
                 camera=self._camera.durations if self._camera is not None else (),
+                surroundings={
+                    "load_before": self._load_before,
+                    "load_after": self._load_after,
+                    **self._seen.record(),
+                },
+                disturbances=warnings_of(self._seen, case.threads),
                 ended_by=self._pace.ended_by if self._pace is not None else EndedBy.BUDGET,
                 repeats=member.repeats,
                 baseline_case=baseline.case.case_key,

@@ -134,7 +134,6 @@ class CaseHost:
         moves = self._before is not self._now  # and has moved once one build is over
         self._repeats = 1 if moves else build, shade
         gc.collect()
-        gc.freeze()  # what is alive now need not be looked at again while the clock runs
         return {
             "frames": warm_up.frames,
             "repeats": self._repeats,

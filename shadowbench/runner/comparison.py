@@ -17,6 +17,9 @@ from shadowbench.runner.block import MOST_PARKED, Block
 from shadowbench.runner.cases import Case, Obstacle
 from shadowbench.runner.protocol import CaseFailure
 
+LEAST_LOADING_BUDGET_S = 12.0
+"""For loading a comparison's cases again in fresh processes, however short its budget for rounds."""
+
 
 def measure_comparison(bench: Bench, cases: Sequence[Case], baseline: Case | None, budget_s: float) -> None:
     """Give each case its row.
@@ -43,7 +46,7 @@ def measure_comparison(bench: Bench, cases: Sequence[Case], baseline: Case | Non
         for case in waiting:
             bench.end(case, obstacle)
         return
-    loading_budget_s = budget_s / math.ceil(len(waiting) / MOST_PARKED)
+    loading_budget_s = max(budget_s, LEAST_LOADING_BUDGET_S) / math.ceil(len(waiting) / MOST_PARKED)
     while waiting:
         block = Block(bench, entries, waiting[0])
         if baseline is not None and baseline not in waiting and baseline.case_key not in bench.failed:

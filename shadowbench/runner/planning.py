@@ -71,6 +71,7 @@ def plan(experiments: Sequence[Experiment], options: RunOptions) -> Plan:
         plan_key=key_of([[case.experiment, case.case_key] for case in cases]),
         notes=tuple(resolver.notes),
         method_defaults=resolver.method_defaults,
+        warp=resolver.warp,
     )
 
 
@@ -128,6 +129,7 @@ class _Resolver:
         self._threads = options.threads or (available_cores(),)
         self.notes: list[str] = []
         self.method_defaults: dict[str, dict[str, Any]] = {}
+        self.warp: dict[str, Any] = {}
 
     def __enter__(self) -> Self:
         return self
@@ -142,6 +144,7 @@ class _Resolver:
     def _device(self) -> dict[str, Any]:
         """What :func:`shadowbench.runner.resolving.describe_device` says."""
         described: dict[str, Any] = self._require("describe_device", device=self._options.device)
+        self.warp = described["settings"]
         return described
 
     def cases_of(self, experiment: Experiment, comparison: Comparison) -> list[list[Case]]:

@@ -86,6 +86,11 @@ class Worker:
         self._started = False
         self._send({"call": "start", "arguments": settings})
 
+    @property
+    def process_id(self) -> int:
+        """The worker's own; what it starts has others."""
+        return self._process.pid
+
     def ask(self, call: str, arguments: dict[str, Any], timeout_s: float) -> Any:
         """Have the worker do something and return its answer.
 

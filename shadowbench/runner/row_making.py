@@ -80,6 +80,8 @@ def measured_row(
     compile_ms: float,
     timing: Timing,
     camera: Sequence[float],
+    surroundings: dict[str, Any],
+    disturbances: Sequence[str],
     ended_by: EndedBy,
     repeats: Sequence[int],
     baseline_case: str,
@@ -96,6 +98,8 @@ def measured_row(
         compile_ms: Compiling and loading kernels.
         timing: Its rounds.
         camera: The camera pass in the same rounds; empty if it could not be timed.
+        surroundings: What the machine did meanwhile, for the environment.
+        disturbances: What of that is worth a warning.
         ended_by: The rule that ended them.
         repeats: Of build and of shade within a sample.
         baseline_case: Key of the case that those of its rounds are compared with.
@@ -112,7 +116,8 @@ def measured_row(
     samples = {"build": timing.build, "shade": timing.shade, "camera": list(camera)}
     if baseline is not None:
         samples |= {"baseline build": baseline.build, "baseline shade": baseline.shade}
-    columns["warnings"] = [*columns["warnings"], *measured["warnings"], *_timing_warnings(timing)]
+    columns["warnings"] = [*columns["warnings"], *measured["warnings"], *_timing_warnings(timing), *disturbances]
+    columns["environment"] |= surroundings
     stage_names = dict.fromkeys(name for stages in timing.stages for name in stages)
     return ResultRow(
         **columns,

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 from shadowbench.errors import StoreError
 from shadowbench.experiment import Experiment
-from shadowbench.identity import code_version, environment, machine
+from shadowbench.identity import code_version, environment, machine, plugin_origin
 from shadowbench.rows import Outcome, RunRecord, RunStatus
 from shadowbench.runner.bench import Bench
 from shadowbench.runner.cache import Cache
@@ -90,10 +90,17 @@ def _new_record(plan: Plan) -> RunRecord:
         argv=list(plan.options.argv),
         created_at=now(),
         machine=machine(),
-        environment=environment(),
+        environment=_environment(plan),
         code_version=code_version(),
         case_count=len(plan.cases),
     )
+
+
+def _environment(plan: Plan) -> dict[str, Any]:
+    """Return what a run's results and times depend on beside its code version."""
+    plugins = {file.name: plugin_origin(file) for file in plan.options.plugin_files}
+    found = environment() | {"warp": plan.warp, "plugins": plugins}
+    return {name: value for name, value in found.items() if value not in ({}, [], None)}
 
 
 def _definition(experiment: Experiment, plan: Plan) -> dict[str, Any]:

@@ -35,6 +35,7 @@ class Desk:
         self._host: Any = None
         self._registry: Any = None
         self._plugin_files: tuple[Path, ...] = ()
+        self._is_frozen = False
 
     def start(self, plugin_files: list[str], memory_limit: int) -> None:
         """Limit memory and get ready."""
@@ -107,7 +108,9 @@ class Desk:
         from shadowbench.runner.case_host import CaseHost
 
         self.close()
-        self._host = CaseHost(self.registry, self.tell_phase)
+        registry = self.registry
+        self._freeze()
+        self._host = CaseHost(registry, self.tell_phase)
         return self._host.load(**case)
 
     def load_camera(self, **view: Any) -> dict[str, Any]:
@@ -145,8 +148,14 @@ class Desk:
             return
         host.close()
         del host
-        gc.unfreeze()
         gc.collect()
+
+    def _freeze(self) -> None:
+        """Spare the garbage collector what lives as long as the worker: most of what a case costs would be its."""
+        if not self._is_frozen:
+            gc.collect()
+            gc.freeze()
+            self._is_frozen = True
 
     @property
     def registry(self) -> Any:
