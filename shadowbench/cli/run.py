@@ -22,6 +22,7 @@ import typer
 from shadowbench.cli import completion
 from shadowbench.cli.console import complain, err, plain, put, reserved_stdout
 from shadowbench.cli.exit_status import ExitStatus
+from shadowbench.cli.interruption import ended_like_ctrl_c
 from shadowbench.cli.options import DEFAULT_RESULTS, PluginOption, ResultsOption
 from shadowbench.errors import ShadowbenchError
 
@@ -133,7 +134,7 @@ def run(
         argv=("shadowbench", *(context.obj or ())),
         **{name: value for name, value in given.items() if value is not None},
     )
-    with reserved_stdout() if as_json else nullcontext() as stream:
+    with ended_like_ctrl_c(), reserved_stdout() if as_json else nullcontext() as stream:
         with err().status("planning: finding methods, making scenes"):
             planned = plan(asked, options)
         if dry_run:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from shadowbench.rows import Outcome, ResultRow, RunRecord
 from shadowbench.runner.cases import Case, Observer, Obstacle, RunOptions
@@ -64,6 +64,32 @@ class Bench:
         name = self.store.put_artifact(file.read_bytes(), "png")
         file.unlink()
         return name
+
+    def own_work(self, call: str, arguments: dict[str, Any], threads: int) -> Any:
+        """Have a worker do something of the run's own and return its answer; nothing of a plugin's runs.
+
+        A worker that somebody kills meanwhile is replaced once.
+
+        Raises:
+            CaseFailure: It cannot be done.
+        """
+        try:
+            return self._own_work(call, arguments, threads)
+        except CaseFailure as failure:
+            if not failure.is_from_outside:
+                raise
+            self.observer.note(f"{failure.reason}; once more in another")
+            return self._own_work(call, arguments, threads)
+
+    def _own_work(self, call: str, arguments: dict[str, Any], threads: int) -> Any:
+        worker = self.pool.take(threads)
+        try:
+            answer = worker.ask(call, arguments, OWN_WORK_TIMEOUT_S)
+        except CaseFailure:
+            worker.kill()
+            raise
+        self.park(worker)
+        return answer
 
     def park(self, worker: Worker) -> None:
         """Have a worker let go of its case, and keep it for the next one if it still answers."""

@@ -199,7 +199,6 @@ class Block:
     def _filtered_entry(self, case: Case, kernel: dict[str, Any]) -> str | None:
         """Return the name of a filtered reference in the cache, or ``None`` if it cannot be made."""
         bench, cores = self._bench, available_cores()
-        worker = bench.pool.take(cores)
         arguments = {
             "cache": bench.cache,
             "entries": self._entries,
@@ -208,12 +207,10 @@ class Block:
             "threads": cores,
         }
         try:
-            entry: str = worker.ask("prepare_filtered", arguments, OWN_WORK_TIMEOUT_S)
+            entry: str = bench.own_work("prepare_filtered", arguments, cores)
         except CaseFailure as failure:
-            worker.kill()
             bench.observer.note(f"{case.view}: the reference cannot be filtered: {failure.reason}")
             return None
-        bench.park(worker)
         return entry
 
     def _everyone(self) -> Sequence[Member | CameraMember]:

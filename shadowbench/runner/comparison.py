@@ -79,12 +79,6 @@ def _prepare_view(bench: Bench, case: Case) -> dict[str, str]:
     """
     bench.observer.case_started(case, "prepare")
     cores = available_cores()
-    worker = bench.pool.take(cores)
     arguments = {"cache": bench.cache, "view": asdict(case.view), "threads": cores}
-    try:
-        entries: dict[str, str] = worker.ask("prepare", arguments, OWN_WORK_TIMEOUT_S)
-    except CaseFailure:
-        worker.kill()
-        raise
-    bench.park(worker)
+    entries: dict[str, str] = bench.own_work("prepare", arguments, cores)
     return entries
