@@ -10,6 +10,7 @@
     ├── PluginError             a plugin that cannot be found, imported or used
     │   └── ParameterError
     ├── StoreError              a results folder that cannot be read or written
+    │   └── StorageFullError    there is no room left where it lies
     └── InvalidResultError      a method broke its contract (outcome *invalid*)
 
 A message says what was wrong, where, and what would be right. :func:`did_you_mean` writes the last part.
@@ -53,6 +54,10 @@ class ParameterError(SceneError, PluginError):
 
 class StoreError(ShadowbenchError):
     """A results folder that cannot be read or written."""
+
+
+class StorageFullError(StoreError):
+    """There is no room left where results are kept; what was kept before is intact."""
 
 
 class InvalidResultError(ShadowbenchError):

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -201,6 +201,23 @@ class World:
     def instance_of(self, triangles: NDArray[np.integer]) -> NDArray[np.int32]:
         """Return the instance that owns each world triangle."""
         return (np.searchsorted(self.first_triangle, triangles, side="right") - 1).astype(np.int32)
+
+    def moved(self, instances: Mapping[int, Instance]) -> World:
+        """Return the world with some instances elsewhere; the origin stays, and all that is unchanged is shared.
+
+        Args:
+            instances: By number, placed relative to :attr:`origin` as those of this world are.
+        """
+        moved, vertices, at = list(self.instances), self.vertices.copy(), 0
+        origin = np.asarray(self.origin)
+        for number, instance in enumerate(self.instances):
+            mesh = self.meshes[instance.mesh]
+            if number in instances:
+                moved[number] = instances[number]
+                authored = replace(moved[number], translation=_shifted(moved[number].translation, -origin))
+                vertices[at : at + len(mesh.vertices)] = _place_instance(mesh, authored) - origin
+            at += len(mesh.vertices)
+        return replace(self, instances=tuple(moved), vertices=vertices, scale=float(np.abs(vertices).max()))
 
     @functools.cached_property
     def casters(self) -> Casters:

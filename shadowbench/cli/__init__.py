@@ -12,6 +12,10 @@
     listing.py      list, show
     results.py      table, report
     compare.py      compare
+    claims.py       claims
+    writing.py      what --output does
+    transfer.py     export, import, backup, restore
+    token.py        token create, list, revoke
     check.py        check
     doctor.py       doctor; machine_checks.py has what it looks at
 

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from shadowbench.cli import completion
-from shadowbench.cli.console import complain, put
+from shadowbench.cli.console import complain
 from shadowbench.cli.exit_status import ExitStatus
 from shadowbench.cli.options import DEFAULT_RESULTS, ResultsOption, open_store
-from shadowbench.cli.results import write
+from shadowbench.cli.writing import write_out
 from shadowbench.errors import UsageError, did_you_mean
 
 if TYPE_CHECKING:
@@ -85,12 +84,7 @@ def compare(
     if not any(case.before is not None and case.after is not None for case in comparison.cases):
         raise UsageError(f"runs {comparison.before.run_id} and {comparison.after.run_id} have no case in common")
     written = render_comparison(comparison, format)
-    if output is not None:
-        write(output, written)
-    elif isinstance(written, str):
-        sys.stdout.write(written)
-    else:
-        put(written)
+    write_out(written, output)
     if _is_refused(comparison, kinds):
         raise typer.Exit(ExitStatus.CASES_FAILED)
 

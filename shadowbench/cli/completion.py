@@ -52,9 +52,24 @@ def change_kinds(incomplete: str) -> list[str]:
     return _offered(_change_kinds, incomplete)
 
 
+def claim_formats(incomplete: str) -> list[str]:
+    """Complete a format of claims."""
+    return _offered(_claim_formats, incomplete)
+
+
+def claim_failures(incomplete: str) -> list[str]:
+    """Complete what ``claims --fail-on`` takes."""
+    return _offered(_claim_failures, incomplete)
+
+
 def what_to_list(incomplete: str) -> list[str]:
     """Complete what ``list`` can list."""
     return _offered(_lists, incomplete)
+
+
+def movings(incomplete: str) -> list[str]:
+    """Complete what moves between two frames."""
+    return _offered(_movings, incomplete)
 
 
 def _offered(names: Callable[[], Iterable[str]], incomplete: str) -> list[str]:
@@ -72,8 +87,9 @@ def _plugins(kind: Literal["method", "scene"]) -> list[str]:
 
 def _experiments() -> list[str]:
     from shadowbench.experiment import builtin_names
+    from shadowbench.experiment_groups import groups
 
-    return builtin_names()
+    return [*builtin_names(), *groups()]
 
 
 def _toml_files(incomplete: str) -> list[str]:
@@ -108,7 +124,25 @@ def _change_kinds() -> Iterable[str]:
     return Kind
 
 
+def _movings() -> Iterable[str]:
+    from shadowbench.choices import MOVING
+
+    return MOVING
+
+
 def _lists() -> Iterable[str]:
     from shadowbench.cli.listing import WHAT
 
     return WHAT
+
+
+def _claim_formats() -> Iterable[str]:
+    from shadowbench.tables.claims_text import CLAIM_FORMATS
+
+    return CLAIM_FORMATS
+
+
+def _claim_failures() -> Iterable[str]:
+    from shadowbench.cli.claims import FAILURES
+
+    return FAILURES

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
 from shadowbench.cli import completion
-from shadowbench.cli.console import complain, put
+from shadowbench.cli.console import complain
 from shadowbench.cli.options import DEFAULT_RESULTS, ResultsOption, RunArgument, open_store
-from shadowbench.errors import UsageError
+from shadowbench.cli.writing import write_out
 
 if TYPE_CHECKING:
     from shadowbench.tables import Format
@@ -48,12 +47,7 @@ def table(
     if not rows:
         complain(f"run {record.run_id} has no finished case yet")
     written = tables.render(tables.make(rows, run=record, experiment=experiment), cast("Format", format))
-    if output is not None:
-        write(output, written)
-    elif isinstance(written, str):
-        sys.stdout.write(written)
-    else:
-        put(written)
+    write_out(written, output)
 
 
 def report(
@@ -73,17 +67,3 @@ def report(
         record = store.find_run(run)
         path = write(store, record, output or default_path(store, record))
     print(path)
-
-
-def write(path: Path, written: object) -> None:
-    """Write text, or what rich can print, to a file (then without colour, 160 columns wide)."""
-    try:
-        with path.open("w", encoding="utf-8", newline="") as file:
-            if isinstance(written, str):
-                file.write(written)
-            else:
-                from rich.console import Console
-
-                Console(file=file, width=160, highlight=False).print(written)
-    except OSError as error:
-        raise UsageError(f"--output {path}: {error.strerror}") from error

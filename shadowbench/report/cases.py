@@ -12,6 +12,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from shadowbench.choices import EVERYTHING
 from shadowbench.experiment import Choice
 from shadowbench.report import wording
 from shadowbench.report.embedding import Embedded, Embedder
@@ -163,10 +164,15 @@ def _further_pictures(row: ResultRow, embedder: Embedder) -> list[tuple[str, Emb
 
 
 def titles(rows: Sequence[ResultRow], run: RunRecord) -> list[str]:
-    """Return each row's method label; of rows that share one, also the threads, device or experiment that differ."""
+    """Return each row's method label; of rows that share one, also what moves, the threads, device or experiment."""
     labels = Labels("method", rows, defaults=run.method_defaults)
     found = [labels.of(row) for row in rows]
-    for field, text in (("threads", "threads: {}"), ("device", "on {}"), ("experiment", "in {}")):
+    for field, text in (
+        ("moving", "moving: {}"),
+        ("threads", "threads: {}"),
+        ("device", "on {}"),
+        ("experiment", "in {}"),
+    ):
         if len(set(found)) < len(found) and len({getattr(row, field) for row in rows}) > 1:
             found = [
                 f"{label}, {text.format(getattr(row, field))}" if found.count(label) > 1 else label
@@ -291,6 +297,8 @@ def reproduce_command(row: ResultRow) -> str:
         words += ["--pixel-samples", str(row.pixel_samples)]
     if row.layers > 1:
         words += ["--layers", str(row.layers)]
+    if row.moving != EVERYTHING:
+        words += ["--moving", row.moving]
     words += ["--device", row.device, "--threads", str(row.threads)]
     return shlex.join(wording.shown(word) for word in words)
 

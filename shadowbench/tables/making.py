@@ -6,9 +6,10 @@ import itertools
 from collections import Counter
 from collections.abc import Sequence
 
+from shadowbench.choices import EVERYTHING
 from shadowbench.errors import UsageError, did_you_mean
 from shadowbench.experiment import TableLayout
-from shadowbench.rows import Outcome, ResultRow, RunRecord, RunStatus, own_libraries
+from shadowbench.rows import RATIOS, VERDICTS, Outcome, ResultRow, RunRecord, RunStatus, own_libraries
 from shadowbench.tables.columns import (
     MEASURE,
     Scalar,
@@ -33,6 +34,10 @@ from shadowbench.tables.layout import (
 from shadowbench.tables.plain_text import LONGEST_NOTE, plain, shortened
 from shadowbench.tables.printed import KINDS, Kind, header_of, matches, printed_cells
 from shadowbench.tables.table import Cell, Header, Table
+from shadowbench.tables.verdicts import BASELINE, Verdicts, ratio_text
+
+_ORDINARY = {"pixel_samples": 1, "layers": 1, "moving": EVERYTHING}
+"""Settings of a picture that go without saying."""
 
 _MOST_WARNINGS = 10
 
@@ -90,6 +95,7 @@ class _Making:
         missing: str | None,
     ) -> None:
         check_layout(layout)
+        known = rows
         self.rows = rows = [row for row in rows if matches(row, layout.where)]
         self.layout, self.experiment, self.run, self.missing = layout, experiment, run, missing
         columns = (*layout.index, *([layout.columns] if layout.columns else []))
@@ -99,6 +105,7 @@ class _Making:
             "scene": Labels("scene", rows, with_columns=columns),
         }
         self.index = completed_index(layout, rows, self.named)
+        self.verdicts = Verdicts(rows, known, layout.values)
         self.reasons: dict[tuple[Outcome, str], int] = {}
         self.has_printed = False
 
@@ -155,21 +162,41 @@ class _Making:
 
     def header(self, pivot: Scalar, name: str) -> Header:
         """Return the heading of a value's column."""
+        against = self.against() if name in RATIOS or name in VERDICTS else ""
         if self.layout.columns is None:
-            return Header(name, name or "value", header_text(name) or "value", header_unit(name))
+            return Header(name, name or "value", header_text(name) or "value", header_unit(name), against)
         shown = "none" if pivot is None else f"{pivot:g}" if isinstance(pivot, float) else str(pivot)
         group = f"{header_text(self.layout.columns)}={shown}"
         full = f"{name}[{self.layout.columns}={shown}]" if name else f"{self.layout.columns}={shown}"
-        return Header(name, full, header_text(name), header_unit(name), group)
+        return Header(name, full, " ".join(filter(None, (header_text(name), against))), header_unit(name), group)
+
+    def against(self) -> str:
+        """Return what the cases are compared with, as ``vs ray-traced``."""
+        places = {id(row) for row in self.rows}
+        firsts = {self.named(row, "method") if id(row) in places else row.method for row in self.verdicts.firsts()}
+        return f"vs {firsts.pop()}" if len(firsts) == 1 else "vs first case"
 
     def cell(self, row: ResultRow, name: str) -> Cell:
         """Return a value, or for a case that is not ok its outcome in the place of its first value."""
+        if row.outcome is Outcome.OK and (name in RATIOS or name in VERDICTS):
+            return self.verdict_cell(row, name)
         if row.outcome is Outcome.OK:
             return Cell(scalar(value_of(row, name)), unit_of(name), interval_of(row, name))
         if name != self.layout.values[0]:
             return Cell()
         note = self.reasons.setdefault((row.outcome, row.reason), len(self.reasons) + 1)
         return Cell(outcome=row.outcome, reason=row.reason, note=note)
+
+    def verdict_cell(self, row: ResultRow, name: str) -> Cell:
+        """Return a ratio or a verdict."""
+        judgement = self.verdicts.of(row, name)
+        if judgement is None:
+            return Cell(BASELINE) if name in VERDICTS and self.verdicts.is_first(row) else Cell()
+        if name in VERDICTS:
+            return Cell(judgement.verdict.value)
+        ratio = judgement.ratio
+        ends = None if ratio.low is None or ratio.high is None else (ratio.low, ratio.high)
+        return Cell(ratio.estimate, unit_of(name), ends, shown=ratio_text(ratio))
 
     def title(self) -> str:
         """Return the heading, with what is missing."""
@@ -186,6 +213,7 @@ class _Making:
             notes.append("only cases with " + ", ".join(f"{name} {value}" for name, value in self.layout.where.items()))
         if self.has_printed:
             notes.append(f"printed: {self.source()}; ratio: measured / printed")
+        notes += self.verdicts.notes()
         if self.run is not None and self.run.status in _UNFINISHED:
             notes.append(f"{_UNFINISHED[self.run.status]}; cases may be missing")
         notes += _library_notes(self.run, self.rows)
@@ -212,8 +240,8 @@ class _Making:
         """Return a setting that all cases have in common, as ``threads 2``, or an empty string."""
         found = {self.named(row, name) for row in self.rows}
         value = found.pop() if len(found) == 1 else ""
-        if value == "" or (name in ("pixel_samples", "layers") and value == 1):
-            return ""  # what an ordinary picture has goes without saying
+        if value == "" or _ORDINARY.get(name, "") == value:
+            return ""
         return str(value) if name == "size" else f"{name} {value}"
 
 

@@ -15,7 +15,7 @@ from typing import Any
 
 from shadowbench.rows import ResultRow, RunRecord
 
-SETTINGS = ("light", "camera", "width", "height", "pixel_samples", "layers", "device", "threads")
+SETTINGS = ("light", "camera", "width", "height", "pixel_samples", "layers", "moving", "device", "threads")
 """What is measured, beside scene, method and their parameters."""
 
 Pair = tuple[ResultRow | None, ResultRow | None]
