@@ -1,6 +1,6 @@
 """``kill -9`` at random moments of real runs: of the client, and of a worker process.
 
-    python tests/benchmarks/killed_at_random.py [moments] [seed]
+    python tests/benchmarks/killed_at_random.py [moments] [seed] [client|worker]
 
 Each moment is drawn from the time that an undisturbed run takes, from its start to its end. A killed *client* must
 leave no process; every row that it had told of must be in the database, whole, with its pictures; the same command
@@ -20,6 +20,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -156,7 +157,7 @@ def _is_worker(process: psutil.Process) -> bool:
     return False
 
 
-def main(moments: int, seed: int) -> int:
+def main(moments: int, seed: int, victims: Sequence[str]) -> int:
     choice = random.Random(seed)
     broken = 0
     with tempfile.TemporaryDirectory() as name:
@@ -169,7 +170,7 @@ def main(moments: int, seed: int) -> int:
         assert undisturbed.process.returncode == 0
         duration_s = time.monotonic() - begin
         print(f"an undisturbed run of {CASE_COUNT} cases takes {duration_s:.1f} s; {moments} moments each, seed {seed}")
-        for what in ("client", "worker"):
+        for what in victims:
             counts = Counter[str]()
             for number in range(moments):
                 after_s = choice.uniform(0.0, duration_s)
@@ -188,4 +189,4 @@ def main(moments: int, seed: int) -> int:
 
 if __name__ == "__main__":
     given = [int(argument) for argument in sys.argv[1:3]]
-    sys.exit(main(*(given + [30, 1][len(given) :])))
+    sys.exit(main(*(given + [30, 1][len(given) :]), sys.argv[3:] or ("client", "worker")))
