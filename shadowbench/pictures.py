@@ -23,13 +23,14 @@ if TYPE_CHECKING:
     from shadowbench.world import World
 
 FAILURE_COLOURS: dict[str, tuple[int, int, int]] = {
+    "classified": (204, 121, 167),
     "false_lit": (230, 159, 0),
     "false_shadow": (86, 180, 233),
     "peter_panning": (213, 94, 0),
     "acne": (0, 114, 178),
-    "classified": (204, 121, 167),
 }
-"""Later ones are painted over earlier ones: peter-panning is false lit, acne is false shadow."""
+"""Later ones are painted over earlier ones: peter-panning is false lit, acne is false shadow, and what a
+method suspects stays below what fails."""
 
 _HEAT = np.array([(68, 1, 84), (59, 82, 139), (33, 145, 140), (94, 201, 98), (253, 231, 37)], np.float64)
 """Numbers from small to large: five colours of matplotlib's viridis, read alike with any kind of colour vision."""

@@ -11,11 +11,12 @@
     progress.py     what a running plan shows
     listing.py      list, show
     results.py      table, report
-    compare.py      compare
     claims.py       claims
+    pareto.py       pareto
     writing.py      what --output does
     transfer.py     export, import, backup, restore
     token.py        token create, list, revoke
+    compare.py      compare
     check.py        check
     doctor.py       doctor; machine_checks.py has what it looks at
 

@@ -29,7 +29,7 @@ def experiments(incomplete: str) -> list[str]:
 
 def anything(incomplete: str) -> list[str]:
     """Complete what ``show`` can show."""
-    return _offered(lambda: [*_plugins("method"), *_plugins("scene"), *_experiments()], incomplete)
+    return _offered(lambda: [*_plugins("method"), *_plugins("scene"), *_experiments(), *_topics()], incomplete)
 
 
 def runs(incomplete: str) -> list[str]:
@@ -42,6 +42,16 @@ def formats(incomplete: str) -> list[str]:
     return _offered(_formats, incomplete)
 
 
+def claim_formats(incomplete: str) -> list[str]:
+    """Complete a format of claims."""
+    return _offered(_claim_formats, incomplete)
+
+
+def claim_failures(incomplete: str) -> list[str]:
+    """Complete what ``claims --fail-on`` takes."""
+    return _offered(_claim_failures, incomplete)
+
+
 def comparison_formats(incomplete: str) -> list[str]:
     """Complete a comparison's format."""
     return _offered(_comparison_formats, incomplete)
@@ -52,14 +62,14 @@ def change_kinds(incomplete: str) -> list[str]:
     return _offered(_change_kinds, incomplete)
 
 
-def claim_formats(incomplete: str) -> list[str]:
-    """Complete a format of claims."""
-    return _offered(_claim_formats, incomplete)
+def costs(incomplete: str) -> list[str]:
+    """Complete a column that can be a cost."""
+    return _offered(_costs, incomplete)
 
 
-def claim_failures(incomplete: str) -> list[str]:
-    """Complete what ``claims --fail-on`` takes."""
-    return _offered(_claim_failures, incomplete)
+def qualities(incomplete: str) -> list[str]:
+    """Complete a column that can be a quality."""
+    return _offered(_qualities, incomplete)
 
 
 def what_to_list(incomplete: str) -> list[str]:
@@ -112,6 +122,12 @@ def _formats() -> Iterable[str]:
     return FORMATS
 
 
+def _movings() -> Iterable[str]:
+    from shadowbench.choices import MOVING
+
+    return MOVING
+
+
 def _comparison_formats() -> Iterable[str]:
     from shadowbench.tables.comparison_text import COMPARISON_FORMATS
 
@@ -122,12 +138,6 @@ def _change_kinds() -> Iterable[str]:
     from shadowbench.tables.comparing import Kind
 
     return Kind
-
-
-def _movings() -> Iterable[str]:
-    from shadowbench.choices import MOVING
-
-    return MOVING
 
 
 def _lists() -> Iterable[str]:
@@ -146,3 +156,21 @@ def _claim_failures() -> Iterable[str]:
     from shadowbench.cli.claims import FAILURES
 
     return FAILURES
+
+
+def _costs() -> Iterable[str]:
+    from shadowbench.tables.pareto import COSTS
+
+    return COSTS
+
+
+def _qualities() -> Iterable[str]:
+    from shadowbench.tables.pareto import QUALITIES
+
+    return QUALITIES
+
+
+def _topics() -> Iterable[str]:
+    from shadowbench.cli.listing import TOPICS
+
+    return TOPICS

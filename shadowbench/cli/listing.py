@@ -6,6 +6,7 @@ nothing here knows any method or scene.
 
 from __future__ import annotations
 
+import importlib
 import inspect
 import sys
 from collections.abc import Iterator, Sequence
@@ -25,6 +26,9 @@ if TYPE_CHECKING:
 
 
 WHAT = ("methods", "scenes", "experiments", "runs")
+
+TOPICS = {"experiment-file": "shadowbench.experiment", "claims": "shadowbench.claim"}
+"""What ``show`` explains besides: the modules whose documentation says how a file is written."""
 
 
 def list_names(
@@ -132,7 +136,7 @@ def show(
     ],
     plugin: PluginOption = None,
 ) -> None:
-    """Explain a method, a scene or an experiment."""
+    """Explain a method, a scene, an experiment or a group; experiment-file and claims say how to write your own."""
     from shadowbench import experiment
     from shadowbench.experiment_groups import groups
     from shadowbench.plugins import Registry
@@ -146,8 +150,10 @@ def show(
         _show_experiment(experiment.load(name))
     elif name in groups():
         _show_group(name, groups()[name])
+    elif name in TOPICS:
+        _paragraphs(inspect.getdoc(importlib.import_module(TOPICS[name])) or "")
     elif not found:
-        known = [*registry.names("method"), *registry.names("scene"), *experiment.builtin_names(), *groups()]
+        known = [*registry.names("method"), *registry.names("scene"), *experiment.builtin_names(), *groups(), *TOPICS]
         raise UsageError(f"no method, scene or experiment is called '{name}'; {did_you_mean(name, known)}")
 
 
@@ -201,6 +207,8 @@ def _with_defaults(cls: type[Any]) -> Any:
 
 
 def _show_experiment(experiment: Experiment) -> None:
+    from shadowbench.claim import in_words
+
     _heading("experiment", experiment.name, experiment.title)
     _facts([("source", experiment.source)])
     _paragraphs(experiment.description)
@@ -225,8 +233,11 @@ def _show_experiment(experiment: Experiment) -> None:
     )
     titles = [(layout.title, ", ".join(layout.values)) for layout in experiment.tables]
     _rows("Tables", ("title", "columns"), titles)
-    claims = [(claim.name, claim.statement, claim.source or experiment.source) for claim in experiment.claims]
-    _rows("Claims", ("name", "what is claimed", "source"), claims)
+    claims = [
+        (claim.name, claim.statement, claim.source or experiment.source, "\n".join(map(in_words, claim.tests)))
+        for claim in experiment.claims
+    ]
+    _rows("Claims", ("name", "what is claimed", "source", "holds if"), claims)
 
 
 def _show_group(name: str, members: Sequence[str]) -> None:

@@ -195,6 +195,7 @@ def _measure(planned: Plan, results: Path, stream: TextIO | None) -> ExitStatus:
         else:
             _print_tables(rows, record)
         _print_outcomes(rows, record)
+        _print_claims(rows, record)
         _write_report(store, record)
     if record.status is RunStatus.INTERRUPTED:
         return ExitStatus.INTERRUPTED
@@ -223,6 +224,16 @@ def _print_outcomes(rows: list[ResultRow], record: RunRecord) -> None:
     if missing > 0:
         line += Text(" (the same command goes on with it)")
     err().print(line, soft_wrap=True)
+
+
+def _print_claims(rows: list[ResultRow], record: RunRecord) -> None:
+    """Say how many of the experiments' claims hold; nothing where none is made."""
+    from shadowbench.tables.claims import answer_claims
+    from shadowbench.tables.claims_text import tally
+
+    answers = answer_claims(record, rows)
+    if answers:
+        err().print(plain(f"claims: {tally(answers)} (shadowbench claims {record.run_id})"), soft_wrap=True)
 
 
 def _write_report(store: Store, record: RunRecord) -> None:

@@ -27,7 +27,8 @@ _ABANDONED_S = 3600.0
 
 _NUMPY_NAMES = frozenset({"ndarray", "dtype", "scalar", "_frombuffer", "_reconstruct"})
 _MODEL_MODULES = frozenset(
-    f"shadowbench.{name}" for name in ("scene", "world", "receivers", "reference", "filtered_reference")
+    f"shadowbench.{name}"
+    for name in ("scene", "placed_instances", "world", "receivers", "reference", "filtered_reference")
 )
 
 

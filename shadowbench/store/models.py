@@ -103,13 +103,13 @@ class StoredRow(Base):
         ForeignKeyConstraint(["run_id"], ["runs.run_id"], ondelete="CASCADE"),
         Index(None, "run_id", "experiment", "case_key", unique=True),
         Index(None, "case_key"),
-        Index(None, "quality_key"),
         Index(None, "run_id", "outcome"),
         Index(
             "ix_rows_leaderboard",
             *("experiment", "view_key", "technique_key", "machine", "code_version", "measured_at"),
         ),
         Index("ix_rows_history", "method", "experiment", "view_key", "measured_at"),
+        Index(None, "quality_key"),
     )
 
 

@@ -14,8 +14,8 @@
     terminal.py csv_text.py markup.py json_text.py    the formats
     quantities.py a number with its interval, and the ratio of two
     decisions.py  whether numbers are what a claim says
-    claim_tests.py claims.py claims_text.py    claims answered: one test, all of a run, and written
-    pareto.py     cost against quality: which methods no other beats on both
+    claim_groups.py claim_tests.py claims.py claims_text.py    claims answered: a test's cases, one test, all of a run
+    pareto.py pareto_tables.py    cost against quality: which methods no other beats on both, and as tables
     frames.py     a pandas DataFrame for notebooks
     matching.py comparing.py changed_times.py    two runs, case by case; comparison_text.py writes it
 

@@ -118,7 +118,7 @@ def compared(
     """
     factor = "" if times == 1.0 else f"{times:g} times "
     evidence = f"{shown(amount)} against {factor}{shown(against)}"
-    if ratio is None or (amount.is_exact and against.is_exact):
+    if ratio is None or ratio.is_exact:
         figure = ratio if ratio is not None else amount
         verdict = relates(relation, amount, against.value * times, within)
         if ratio is None and not amount.is_exact:
@@ -203,14 +203,14 @@ def power(
 
 
 def _slope(x: Sequence[float], y: Sequence[float]) -> Quantity:
-    from scipy.stats import t  # lazily: reading claims must start fast
+    from scipy.special import stdtrit  # lazily, and not scipy.stats: reading claims must start fast
 
     count = len(x)
     mean_x, mean_y = sum(x) / count, sum(y) / count
     spread = sum((a - mean_x) ** 2 for a in x)
     slope = sum((a - mean_x) * (b - mean_y) for a, b in zip(x, y, strict=True)) / spread
     residual = sum((b - mean_y - slope * (a - mean_x)) ** 2 for a, b in zip(x, y, strict=True))
-    half = float(t.ppf(0.975, count - 2)) * math.sqrt(residual / (count - 2) / spread)
+    half = float(stdtrit(count - 2, 0.975)) * math.sqrt(residual / (count - 2) / spread)
     return Quantity(slope, slope - half, slope + half) if half > 0.0 else exact(slope)
 
 

@@ -44,11 +44,12 @@ class Quantity:
     @property
     def is_exact(self) -> bool:
         """Whether another measurement would give the same number."""
-        return self.low == self.value == self.high
+        return self.contrast is None and self.low == self.value == self.high
 
 
 def exact(value: float) -> Quantity:
     """Return a number that every measurement gives."""
+    value = float(value)
     return Quantity(value, value, value)
 
 
@@ -88,7 +89,7 @@ def ratio_of(row: ResultRow, name: str, to_row: ResultRow, to_name: str) -> Quan
     one, other = quantity_of(row, name), quantity_of(to_row, to_name)
     if one is None or other is None or other.value == 0.0:
         return None
-    if one.is_exact and other.is_exact:
+    if not is_time(name) and not is_time(to_name):
         return exact(one.value / other.value)
     durations, to_durations = durations_of(row, name), durations_of(to_row, to_name)
     if not durations or not to_durations or (name in FRAME_RATES) != (to_name in FRAME_RATES):
