@@ -35,7 +35,7 @@ class RunOptions:
             95 % interval.
         max_rounds: Rounds after which a comparison ends.
         processes: Worker processes that the rounds of a case are divided among, where the budget allows at least three.
-        fresh: Measure again what an earlier run of the same plan has finished.
+        fresh: Measure again what an earlier run of the same plan has finished, and take no quality over.
         plugin_files: Files given with ``--plugin``.
         argv: The command line, for the record.
     """

@@ -305,16 +305,27 @@ class _Resolver:
     def _ask(self, call: str, **arguments: Any) -> Any:
         question = key_of([call, arguments])
         if question not in self._answers:
-            if self._worker is None or not self._worker.is_alive:
-                self._worker = self._pool.take(max(self._threads))
             try:
-                self._answers[question] = self._worker.ask(call, arguments, self._options.timeout_s)
+                self._answers[question] = self._asked(call, arguments)
             except CaseFailure as failure:
                 self._answers[question] = failure
         answer = self._answers[question]
         if isinstance(answer, CaseFailure):
             raise answer
         return answer
+
+    def _asked(self, call: str, arguments: dict[str, Any]) -> Any:
+        """Ask a worker, and another one if somebody kills the first."""
+        for _ in range(2):
+            if self._worker is None or self._worker.has_ended():
+                self._worker = self._pool.take(max(self._threads))
+            try:
+                return self._worker.ask(call, arguments, self._options.timeout_s)
+            except CaseFailure as failure:
+                latest = failure
+                if not failure.is_from_outside:
+                    break
+        raise latest
 
 
 def _one_of(names: list[str], wanted: str | None, what: str, scene: str) -> str:

@@ -104,7 +104,8 @@ def measured_row(
         repeats: Of build and of shade within a sample.
         baseline_case: Key of the case that those of its rounds are compared with.
         baseline: The comparison's first case in the same rounds, where that case's own row has other rounds.
-        measured: What :meth:`shadowbench.runner.case_host.CaseHost.measure` returned.
+        measured: What :meth:`shadowbench.runner.case_host.CaseHost.measure` returned, or the same from an earlier run
+            (:func:`shadowbench.runner.reuse.reused`).
         artifacts: Names of the kept pictures.
     """
     columns = _common(case, run) | measured["columns"]
@@ -126,6 +127,7 @@ def measured_row(
         self_hit=measured["self_hit"],
         visibility_digest=measured["visibility_digest"],
         changed_count=measured["changed_count"],
+        quality_run=measured.get("quality_run", ""),
         baseline_case=baseline_case,
         rounds=len(timing.shade),
         processes=len(set(timing.processes)),

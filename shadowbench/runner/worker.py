@@ -89,11 +89,11 @@ class Desk:
         plugins = [self.registry.method(name).__module__ for name in methods]
         return load_kernels(["shadowbench.camera_pass", "shadowbench.filtered_reference", *plugins], device)
 
-    def prepare(self, cache: str, view: dict[str, Any], threads: int) -> dict[str, Any]:
+    def prepare(self, cache: str, view: dict[str, Any], threads: int, with_reference: bool) -> dict[str, Any]:
         """See :func:`shadowbench.runner.preparation.prepare`."""
         from shadowbench.runner import preparation
 
-        return preparation.prepare(Path(cache), view, threads)
+        return preparation.prepare(Path(cache), view, threads, with_reference=with_reference)
 
     def prepare_filtered(
         self, cache: str, entries: dict[str, str], light: str, kernel: dict[str, Any], threads: int
@@ -137,9 +137,13 @@ class Desk:
         """See the host."""
         return self._host.kernel()
 
-    def measure(self, pictures: str, filtered: str | None) -> dict[str, Any]:
+    def summary(self) -> dict[str, Any]:
         """See the host."""
-        return self._host.measure(Path(pictures), filtered)
+        return self._host.summary()
+
+    def measure(self, pictures: str, reference: str, filtered: str | None) -> dict[str, Any]:
+        """See the host."""
+        return self._host.measure(Path(pictures), reference, filtered)
 
     def close(self) -> None:
         """Let go of the case."""
