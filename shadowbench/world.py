@@ -54,6 +54,10 @@ SMALLEST_SCALE, LARGEST_SCALE = 1e-15, 1e15
 tracers filter, and shadows would be wrong."""
 
 
+MOST_TRIANGLES = 1 << 31
+"""A world has fewer triangles over all its instances: their numbers are int32."""
+
+
 @dataclass(frozen=True, eq=False)
 class Casters(PlacedInstances):
     """What casts shadows: meshes and the casting instances of them; the rest comes from what this derives from.
@@ -193,8 +197,11 @@ def place(scene: Scene, *, copied_triangles: int = COPIED_TRIANGLES) -> World:
         copied_triangles: How many triangles flat arrays may hold beyond those of the meshes, to be kept.
 
     Raises:
-        SceneError: A placed coordinate is not finite or too large, or the scene as a whole too large or too small.
+        SceneError: A placed coordinate is not finite or too large, the scene as a whole too large or too small, or its
+            triangles too many to be numbered.
     """
+    if scene.triangle_count >= MOST_TRIANGLES:
+        raise SceneError(f"the scene has {scene.triangle_count:,} triangles; there can be {MOST_TRIANGLES - 1:,}")
     exact = np.array([bounds_of(placed_vertices(scene.meshes[i.mesh], i)) for i in scene.instances])
     low, high = exact[:, 0].min(axis=0), exact[:, 1].max(axis=0)
     _refuse_beyond_reason(low, high)

@@ -9,6 +9,7 @@ import pytest
 import warp as wp
 from builders import LIGHTS, SUN, box, square
 
+from shadowbench import world as world_module
 from shadowbench.device import placed_triangles
 from shadowbench.device.launch import Context, kernel_options, launch
 from shadowbench.device.placed_triangles import PlacedTriangles, corners_of
@@ -308,6 +309,21 @@ def _looked_up(placed: PlacedInstances, numbers: np.ndarray[Any, Any]) -> np.nda
     launch(_look_up, len(numbers), [placed.lookup("cpu"), number], [corner], context=Context(threads=2))
     found: np.ndarray[Any, Any] = corner.numpy()
     return found
+
+
+def test_instances_that_cast_nothing_stream_nothing() -> None:
+    casters = place(_scene(*[Instance(1, (k, 0, 0), casts=False) for k in range(3)]), copied_triangles=0).casters
+    assert not casters.is_flat
+    assert list(casters.batches(Context())) == []
+    assert casters.lookup("cpu").first_triangle.shape == (1,)
+    assert casters.flat().triangles.shape == (0, 3)
+
+
+def test_more_triangles_than_there_are_numbers_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(world_module, "MOST_TRIANGLES", 24)
+    assert place(_scene(Instance(1))).triangle_count == 12
+    with pytest.raises(SceneError, match="has 24 triangles; there can be 23"):
+        place(_scene(Instance(1), Instance(1)))
 
 
 def test_streams_may_be_nested_and_left_early() -> None:

@@ -197,14 +197,14 @@ def lookup_of(placed: PlacedInstances, device: str) -> PlacedTriangles:
         flat = placed.on(device)
         packed.vertices, packed.triangles = flat.vertices, flat.triangles
         return packed  # type: ignore[no-any-return]
-    meshes = np.array([i.mesh for i in placed.instances])
+    meshes = np.array([i.mesh for i in placed.instances], np.int64)
     on_device = _pool_on_device(placed.pool, device)
     packed.pool, packed.triangles = on_device.vertices, on_device.triangles
     vertex_counts = [len(placed.meshes[i.mesh].vertices) for i in placed.instances]
     packed.first_vertex = as_warp(np.cumsum([0, *vertex_counts], dtype=np.int64), wp.int64, device)
     packed.pool_triangle = as_warp(placed.pool.first_triangle[meshes], wp.int64, device)
     packed.pool_vertex = as_warp(placed.pool.first_vertex[meshes], wp.int64, device)
-    packed.row = as_warp(np.concatenate([i.matrix() for i in placed.authored]), wp.vec4d, device)
+    packed.row = as_warp(np.reshape([i.matrix() for i in placed.authored], (-1, 4)), wp.vec4d, device)
     as_modelled = np.array([i.is_placed_as_modelled for i in placed.authored], np.uint8)
     packed.is_as_modelled = as_warp(as_modelled, wp.uint8, device)
     packed.origin = wp.vec3d(*placed.origin)

@@ -2,6 +2,7 @@
 
     python tests/benchmarks/instanced_growth.py grove --threads 2
     python tests/benchmarks/instanced_growth.py copse --plugin tests/plugins/copse.py --camera overview
+    python tests/benchmarks/instanced_growth.py grove --grid --size 640x480
 
 The scene takes its numbers of instances and of triangles an instance by the parameters named with --instances-name and
 --triangles-name. In every round each scene is shaded once by `instanced` and by `shadow-map` with one map of 2048²;
@@ -10,6 +11,9 @@ what is printed are least times, medians over the rounds of each time divided by
 is, what the volumes cover in the picture, and not the triangles. The last table is the paper's: frames with maps kept
 (static), drawn again (dynamic), with one map of the scene, and without shadows, as frame rates relative to the last;
 the paper's are 43 : 30 : 31 : 63.
+
+With --grid there is one table instead, of shade() over all pairs of instances and triangles, after one camera pass and
+one build each: instances are never copied, so that scenes of hundreds of millions of triangles fit.
 """
 
 from __future__ import annotations
@@ -80,9 +84,9 @@ class Trial:
             self.counters = trace.counters
 
 
-def measured(trials: list[Trial], round_count: int) -> dict[str, np.ndarray]:
+def measured(trials: list[Trial], round_count: int, tasks: tuple[str, ...] | None = None) -> dict[str, np.ndarray]:
     """Run every task of every trial in interleaved rounds; return times [ms], shape [round, trial], by task."""
-    times = {name: np.empty((round_count, len(trials))) for name in trials[0].tasks}
+    times = {name: np.empty((round_count, len(trials))) for name in tasks or trials[0].tasks}
     for number in range(-1, round_count):  # the first round warms up
         for name, samples in times.items():
             for k, trial in enumerate(trials):
@@ -106,6 +110,21 @@ def print_growth(heading: str, labels: list[str], trials: list[Trial], times: di
             f"{label:>10} {trial.triangle_count:11,} {trial.counters['fill']:9,} {trial.counters['look-ups']:9,} "
             f"{times['build'][:, k].min():9.1f} {shade[:, k].min():9.1f} {ratio:6.2f}x {fill_ratio:6.2f}x "
             f"{times['one map build'][:, k].min():18.1f} {times['one map shade'][:, k].min():9.1f}"
+        )
+
+
+def print_grid(labels: list[str], trials: list[Trial], times: np.ndarray) -> None:
+    """Print the cost of shading, beside what the volumes cover and the triangles of the scene."""
+    print("\nshade() over instances x triangles of each; ratios to the first")
+    print(f"{'':>16} {'triangles':>12} {'ratio':>9} {'fill':>10} {'ratio':>7} {'look-ups':>10} {'shade ms':>9} "
+          f"{'ratio':>7} {'ns a fill':>9}")  # fmt: skip
+    for k, (label, trial) in enumerate(zip(labels, trials, strict=True)):
+        fill, first = trial.counters["fill"], trials[0]
+        print(
+            f"{label:>16} {trial.triangle_count:12,} {trial.triangle_count / first.triangle_count:8.1f}x "
+            f"{fill:10,} {fill / max(1, first.counters['fill']):6.2f}x {trial.counters['look-ups']:10,} "
+            f"{times[:, k].min():9.1f} {np.median(times[:, k] / times[:, 0]):6.2f}x "
+            f"{1e6 * times[:, k].min() / max(1, fill):9.1f}"
         )
 
 
@@ -152,6 +171,7 @@ def main() -> None:
     parser.add_argument("--resolution", type=int, default=512)
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--rounds", type=int, default=9)
+    parser.add_argument("--grid", action="store_true", help="only shade(), over all pairs")
     arguments = parser.parse_args()
     registry = Registry(tuple(arguments.plugin))
 
@@ -164,6 +184,12 @@ def main() -> None:
         )
 
     print(f"{arguments.scene}, {arguments.size}, {arguments.threads} thread(s), {arguments.rounds} interleaved rounds")
+    if arguments.grid:
+        labels, trials = trials_of([(n, t) for n in arguments.instances for t in arguments.triangles])
+        for trial in trials:
+            trial.tasks["build"]()
+        print_grid(labels, trials, measured(trials, arguments.rounds, ("shade",))["shade"])
+        return
     labels, trials = trials_of([(count, arguments.fixed_triangles) for count in arguments.instances])
     print_growth("instances grow", labels, trials, measured(trials, arguments.rounds))
     labels, trials = trials_of([(arguments.fixed_instances, count) for count in arguments.triangles])
