@@ -31,8 +31,10 @@ import psutil
 from shadowbench.rows import Outcome, ResultRow, RunStatus
 from shadowbench.store import DATABASE_NAME, Store
 
-METHODS = ("no-shadows", "shadow-map:resolution=64/128", "pcf:resolution=64")
-CASE_COUNT = 4
+METHODS = ("no-shadows", "shadow-map:resolution=64")
+SIZES = ("48x32", "64x48", "80x60")
+CASE_COUNT = 6
+"""In three comparisons, so that rows are finished all along the run."""
 
 RUN = """
 import sys
@@ -46,7 +48,7 @@ class Teller(SilentObserver):
         print(row.model_dump_json(), flush=True)
 
 if __name__ == "__main__":
-    asked = experiment.from_options(scenes=["box-on-plane"], methods=sys.argv[2:], sizes=["64x48"])
+    asked = experiment.from_options(scenes=["box-on-plane"], methods=sys.argv[2:4], sizes=sys.argv[4:])
     options = runner.RunOptions(
         results=Path(sys.argv[1]), threads=(1,), budget_s=2.0, min_rounds=4, max_rounds=6, processes=1
     )
@@ -67,7 +69,7 @@ class Client:
 
     def __post_init__(self) -> None:
         self.process = subprocess.Popen(
-            [sys.executable, "-P", "-c", RUN, str(self.results), *METHODS],
+            [sys.executable, "-P", "-c", RUN, str(self.results), *METHODS, *SIZES],
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
         )

@@ -213,6 +213,23 @@ def test_rows_come_in_the_order_of_adding_and_by_experiment(store: Store, make_r
     assert store.outcome_counts("run-1") == {Outcome.OK: 2, Outcome.CRASH: 1}
 
 
+def test_the_newest_measured_row_of_a_quality_is_found_in_any_run_or_in_one(
+    store: Store, make_run: Any, make_row: Any
+) -> None:
+    for run_id in ("run-1", "run-2"):
+        store.start_run(make_run(run_id))
+    store.add_row(make_row("a", quality_key="one", counters={"n": 1}, artifacts={"mask": "file"}))
+    store.add_row(make_row("b", "run-2", quality_key="one", counters={"n": 2}))
+    store.add_row(make_row("c", "run-2", quality_key="one", outcome=Outcome.CRASH))
+    store.add_row(make_row("d", "run-2", quality_key="other", outcome=Outcome.SKIPPED))
+    store.add_row(make_row("e", "run-2", quality_key="third"))
+    keys = [f"unknown {number}" for number in range(2000)] + ["one", "other"]
+    assert {key: row.case_key for key, row in store.latest_measured(keys).items()} == {"one": "b"}
+    (row,) = store.latest_measured(keys, "run-1").values()
+    assert (row.case_key, row.counters, row.artifacts) == ("a", {"n": 1}, {"mask": "file"})
+    assert store.latest_measured([]) == {}
+
+
 def test_a_case_that_is_added_again_takes_its_own_place(store: Store, make_run: Any, make_row: Any) -> None:
     store.start_run(make_run())
     first = make_row("a", outcome="timeout", reason="60 s", counters={"nodes": 1}, samples={"build": [1.0, 2.0]})
