@@ -10,6 +10,7 @@
     ├── PluginError             a plugin that cannot be found, imported or used
     │   └── ParameterError
     ├── StoreError              a results folder that cannot be read or written
+    ├── ClusterError            a cluster that cannot be reached or used
     └── InvalidResultError      a method broke its contract (outcome *invalid*)
 
 A message says what was wrong, where, and what would be right. :func:`did_you_mean` writes the last part.
@@ -53,6 +54,10 @@ class ParameterError(SceneError, PluginError):
 
 class StoreError(ShadowbenchError):
     """A results folder that cannot be read or written."""
+
+
+class ClusterError(ShadowbenchError):
+    """A cluster that cannot be reached, refuses the work, or went away."""
 
 
 class InvalidResultError(ShadowbenchError):

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from shadowbench.rows import Outcome, ResultRow, RunRecord
-from shadowbench.runner.cases import Case, Observer, Obstacle, RunOptions
+from shadowbench.runner.cases import Case, Observer, Obstacle, RowKeeper, RunOptions
 from shadowbench.runner.pool import Pool, Worker
 from shadowbench.runner.protocol import CaseFailure
 from shadowbench.runner.row_making import ended_row
-
-if TYPE_CHECKING:
-    from shadowbench.store import Store
 
 OWN_WORK_TIMEOUT_S = 3600.0
 """For what runs no plugin: receivers, reference and camera pass, with the compilation of their kernels."""
@@ -37,7 +33,7 @@ class Bench:
     pool: Pool
     options: RunOptions
     run: RunRecord
-    store: Store
+    store: RowKeeper
     observer: Observer
     pictures: Path
     failed: set[str] = field(default_factory=set)
