@@ -12,6 +12,7 @@
     listing.py      list, show
     results.py      table, report
     check.py        check
+    worker.py       worker, scheduler
     doctor.py       doctor; machine_checks.py has what it looks at
 
 Commands import what they need when they run: ``shadowbench --help`` must not wait for NumPy or Warp.
