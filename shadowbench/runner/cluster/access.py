@@ -94,6 +94,7 @@ def quiet_dask() -> Iterator[None]:
     import logging
 
     import dask
+    import distributed  # noqa: F401 - adds its defaults to what is changed and restored here
 
     for name in ("distributed", "tornado", "bokeh", "asyncio"):
         logging.getLogger(name).setLevel(logging.CRITICAL + 1)
