@@ -84,7 +84,7 @@ class BenchKeeper(WorkerPlugin):
 
     def transition(self, key: Any, start: str, finish: str, **details: Any) -> None:
         """End the measuring when its task is no longer wanted: cancelled, or its client or scheduler went away."""
-        if start in ("ready", "executing") and finish in ("released", "cancelled"):
+        if start == "executing" and finish in ("released", "cancelled"):
             self._unwanted.add(key)
             if key == self._task:
                 self._end_process()
