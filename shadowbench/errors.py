@@ -10,6 +10,7 @@
     ├── PluginError             a plugin that cannot be found, imported or used
     │   └── ParameterError
     ├── StoreError              a results folder that cannot be read or written
+    │   └── StorageFullError    there is no room left where it lies
     ├── ClusterError            a cluster that cannot be reached or used
     └── InvalidResultError      a method broke its contract (outcome *invalid*)
 
@@ -54,6 +55,10 @@ class ParameterError(SceneError, PluginError):
 
 class StoreError(ShadowbenchError):
     """A results folder that cannot be read or written."""
+
+
+class StorageFullError(StoreError):
+    """There is no room left where results are kept; what was kept before is intact."""
 
 
 class ClusterError(ShadowbenchError):

@@ -11,6 +11,7 @@ file every key of a ``[[comparison]]`` takes one value or a list, and a list swe
     light = ["sun", "lamp"]
     size = "640x480"
     pixel_samples = 4                   # each with its own shadow; layers = 8 sees through translucent surfaces
+    moving = "object"                   # between two frames; "everything" unless said, also "light" or "camera"
     method = ["ray-traced", {name = "shadow-map", resolution = [512, 2048]}]
 
     [[table]]
@@ -22,6 +23,11 @@ file every key of a ``[[comparison]]`` takes one value or a list, and a list swe
     [[table.printed]]                   # what the source prints, to stand beside ours with the ratio
     where = {method = "shadow-map", resolution = [512, 2048]}
     values = {static_frame_ms = [3.5, 7.1]}
+
+    [[claim]]                           # what is claimed, and the tests that would make it true: shadowbench.claim
+    name = "size-costs"
+    statement = "A larger map makes a frame slower."
+    test = {value = "dynamic_frame_ms", of = {method = "shadow-map"}, is = "growing", over = "resolution"}
 
 Reading, tabling and serving use this module, so it must never import Warp or a plugin.
 """
@@ -35,13 +41,16 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from shadowbench.choices import (
+    EVERYTHING,
     Choice,
     choice_of_text,
     layer_count_of,
+    moving_of,
     pixel_sample_count_of,
     size_of,
     thread_count_of,
 )
+from shadowbench.claim import Claim
 from shadowbench.errors import ExperimentError, UsageError, did_you_mean
 from shadowbench.experiment_file import ComparisonTable, LayoutTable, read
 
@@ -78,6 +87,7 @@ class Comparison:
         sizes: Width and height of the picture [pixels].
         pixel_samples: Samples of every pixel, each shadowed by itself.
         layers: Most surfaces that a sample sees through translucent ones.
+        moving: What moves between two frames, of :data:`shadowbench.choices.MOVING`.
         threads: Empty for as many as the run's options say.
     """
 
@@ -88,6 +98,7 @@ class Comparison:
     sizes: tuple[tuple[int, int], ...] = (DEFAULT_SIZE,)
     pixel_samples: tuple[int, ...] = (1,)
     layers: tuple[int, ...] = (1,)
+    moving: tuple[str, ...] = (EVERYTHING,)
     threads: tuple[int, ...] = ()
 
 
@@ -134,6 +145,7 @@ class Experiment:
         title, source, description: For people; ``source`` is the paper and table.
         comparisons: What is measured.
         tables: What is printed; empty for the default table.
+        claims: What is claimed of the results, to be answered from the rows.
         budget_s: Time that the rounds of one comparison may take, or ``None`` for the run's option [s].
         text: The TOML text it was read from, empty if it was made from options.
     """
@@ -144,6 +156,7 @@ class Experiment:
     source: str = ""
     description: str = ""
     tables: tuple[TableLayout, ...] = ()
+    claims: tuple[Claim, ...] = ()
     budget_s: float | None = None
     text: str = ""
 
@@ -198,6 +211,7 @@ def parse(text: str, *, name: str, file: str = "", folder: Path | None = None) -
         description=parsed.description,
         comparisons=tuple(_comparison(c, folder) for c in parsed.comparison),
         tables=tuple(_layout(t) for t in parsed.table),
+        claims=tuple(c.claim() for c in parsed.claim),
         budget_s=parsed.budget,
         text=text,
     )
@@ -211,6 +225,7 @@ def _comparison(table: ComparisonTable, folder: Path | None) -> Comparison:
         "sizes": table.size,
         "pixel_samples": table.pixel_samples,
         "layers": table.layers,
+        "moving": table.moving,
         "threads": table.threads,
     }
     scenes = (replace(s, name=str((folder or Path()) / s.name)) if s.is_mesh_file else s for s in table.scene)
@@ -247,6 +262,7 @@ def with_options(
     sizes: Sequence[str] = (),
     pixel_samples: Sequence[int] = (),
     layers: Sequence[int] = (),
+    moving: Sequence[str] = (),
     threads: Sequence[int] = (),
 ) -> Experiment:
     """Return an experiment in which each option given replaces what every comparison says.
@@ -262,6 +278,7 @@ def with_options(
         "sizes": _each(size_of, sizes),
         "pixel_samples": _each(pixel_sample_count_of, pixel_samples),
         "layers": _each(layer_count_of, layers),
+        "moving": _each(moving_of, moving),
         "threads": _each(thread_count_of, threads),
     }
     changes: dict[str, Any] = {name: values for name, values in given.items() if values}

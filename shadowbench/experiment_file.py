@@ -16,7 +16,6 @@ from typing import Annotated, Any, Self, TypeVar
 from pydantic import (
     AfterValidator,
     BaseModel,
-    BeforeValidator,
     ConfigDict,
     Field,
     PlainValidator,
@@ -30,19 +29,17 @@ from shadowbench.choices import (
     choice_of_table,
     choice_of_text,
     layer_count_of,
+    moving_of,
     pixel_sample_count_of,
     size_of,
     thread_count_of,
 )
+from shadowbench.claim_file import ClaimTable, TestTable
 from shadowbench.errors import ExperimentError, did_you_mean
-from shadowbench.rows import FRAME_RATES, LONG_FIELDS, ResultRow
 from shadowbench.toml_lines import line_numbers, line_of
+from shadowbench.toml_values import LIST_RULES, Condition, Conditions, Name, Names, ValueColumns, without_repeats
 
 T = TypeVar("T")
-
-
-def _as_list(value: Any) -> Any:
-    return value if isinstance(value, list) else [value]
 
 
 def _choice(value: Any) -> Choice:
@@ -53,39 +50,8 @@ def _choice(value: Any) -> Choice:
     raise ValueError(f"expected a name, or a table with a 'name', not {value!r}")
 
 
-def _name(value: Any) -> str:
-    if not isinstance(value, str) or not value.strip():
-        raise ValueError(f"expected a name, not {value!r}")
-    return value
-
-
 def _size(value: Any) -> tuple[int, int]:
     return size_of(value if isinstance(value, str) else repr(value))
-
-
-def _value_column(value: Any) -> str:
-    name = _name(value)
-    known = (*ResultRow.model_fields, *FRAME_RATES)
-    if name not in known and name.partition(".")[0] not in LONG_FIELDS:
-        raise ValueError(f"no column is called '{name}'; {did_you_mean(name, known, noun='column')}")
-    return name
-
-
-def _without_repeats(values: list[Any]) -> list[Any]:
-    for index, value in enumerate(values):
-        if value in values[:index]:
-            raise ValueError(f"'{value}' is listed twice")
-    return values
-
-
-def _condition(value: Any) -> Scalar:
-    if not isinstance(value, Scalar):
-        raise ValueError(f"a condition is a number, a text, true or false, not {value!r}")  # noqa: TRY004 - pydantic's
-    return value
-
-
-def _conditions(value: Any) -> Any:
-    return [_condition(each) for each in value] if isinstance(value, list) else _condition(value)
 
 
 def _numbers(value: Any) -> Any:
@@ -96,23 +62,23 @@ def _numbers(value: Any) -> Any:
     return float(value)
 
 
+def _named_once(claims: list[ClaimTable]) -> list[ClaimTable]:
+    without_repeats([claim.name for claim in claims])
+    return claims
+
+
 def _at(given: Mapping[str, T | list[T]], case: int) -> dict[str, T]:
     """Return each entry, or of a list its element for a case."""
     return {name: value[case] if isinstance(value, list) else value for name, value in given.items()}
 
 
-_ListRules = (BeforeValidator(_as_list), AfterValidator(_without_repeats), Field(min_length=1))
-
-Choices = Annotated[list[Annotated[Choice, PlainValidator(_choice)]], *_ListRules]
-Names = Annotated[list[Annotated[str, PlainValidator(_name)]], *_ListRules]
-Sizes = Annotated[list[Annotated[tuple[int, int], PlainValidator(_size)]], *_ListRules]
-PixelSampleCounts = Annotated[list[Annotated[int, PlainValidator(pixel_sample_count_of)]], *_ListRules]
-LayerCounts = Annotated[list[Annotated[int, PlainValidator(layer_count_of)]], *_ListRules]
-ThreadCounts = Annotated[list[Annotated[int, PlainValidator(thread_count_of)]], *_ListRules]
-Condition = Annotated[Scalar, PlainValidator(_condition)]
-Conditions = Annotated[Scalar | list[Scalar], PlainValidator(_conditions)]
+Choices = Annotated[list[Annotated[Choice, PlainValidator(_choice)]], *LIST_RULES]
+Sizes = Annotated[list[Annotated[tuple[int, int], PlainValidator(_size)]], *LIST_RULES]
+PixelSampleCounts = Annotated[list[Annotated[int, PlainValidator(pixel_sample_count_of)]], *LIST_RULES]
+LayerCounts = Annotated[list[Annotated[int, PlainValidator(layer_count_of)]], *LIST_RULES]
+Movings = Annotated[list[Annotated[str, PlainValidator(moving_of)]], *LIST_RULES]
+ThreadCounts = Annotated[list[Annotated[int, PlainValidator(thread_count_of)]], *LIST_RULES]
 Numbers = Annotated[float | list[float], PlainValidator(_numbers)]
-ValueColumns = Annotated[list[Annotated[str, PlainValidator(_value_column)]], *_ListRules]
 
 
 class ComparisonTable(BaseModel):
@@ -127,6 +93,7 @@ class ComparisonTable(BaseModel):
     size: Sizes | None = None
     pixel_samples: PixelSampleCounts | None = None
     layers: LayerCounts | None = None
+    moving: Movings | None = None
     threads: ThreadCounts | None = None
 
 
@@ -167,7 +134,7 @@ class LayoutTable(BaseModel):
     title: str
     index: Names
     values: ValueColumns
-    columns: Annotated[str, PlainValidator(_name)] | None = None
+    columns: Name | None = None
     where: dict[str, Condition] = Field(default_factory=dict)
     printed: list[PrintedTable] = Field(default_factory=list)
 
@@ -191,6 +158,7 @@ class ExperimentFile(BaseModel):
     budget: Annotated[float, Field(gt=0)] | None = None
     comparison: Annotated[list[ComparisonTable], Field(min_length=1)]
     table: list[LayoutTable] = Field(default_factory=list)
+    claim: Annotated[list[ClaimTable], AfterValidator(_named_once)] = Field(default_factory=list)
 
 
 def read(text: str, file: str) -> ExperimentFile:
@@ -230,7 +198,8 @@ def _first_error(error: ValidationError) -> tuple[str, tuple[str | int, ...]]:
     match first["type"]:
         case "extra_forbidden":
             model = _model_at(path)
-            return f"unknown key '{name}'; {did_you_mean(name, model.model_fields, noun='key')}", path
+            known = (field.alias or key for key, field in model.model_fields.items())
+            return f"unknown key '{name}'; {did_you_mean(name, known, noun='key')}", path
         case "missing":
             where = f" in [[{_table_at(path)}]]" if len(path) > 1 else ""
             return f"the key '{name}' is missing{where}", path
@@ -254,5 +223,7 @@ def _model_at(path: tuple[str | int, ...]) -> type[BaseModel]:
         "comparison": ComparisonTable,
         "table": LayoutTable,
         "table.printed": PrintedTable,
+        "claim": ClaimTable,
+        "claim.test": TestTable,
     }
     return tables.get(_table_at(path), ExperimentFile)

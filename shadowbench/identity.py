@@ -1,28 +1,26 @@
 """What makes two results the same result: digests of code and content, keys, the machine and its software.
 
 A *quality key* names everything that pixels and counters depend on, a *case key* adds what times depend on. Code enters
-a key as the files that a module imports, found by reading import statements, never by running them: editing any of
-them changes the keys of exactly the methods that use it. Nothing here imports Warp or a plugin.
+a key as the files that a module imports (:mod:`shadowbench.imported_code`): editing any of them changes the keys of
+exactly the methods that use it. Nothing here imports Warp or a plugin.
 """
 
 from __future__ import annotations
 
-import ast
 import dataclasses
 import hashlib
 import json
 import os
 import platform
 import subprocess
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
-from importlib.machinery import ModuleSpec
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 import shadowbench
+from shadowbench.imported_code import data_files, imported_files
 
 _KEY_LENGTH = 20
 """Hex digits of a key: 80 bits, so that a million results meet by chance once in 10^12 collections."""
@@ -80,7 +78,7 @@ def _content_parts(value: Any) -> Iterator[bytes | memoryview]:
 
 
 def code_digest(module: str) -> str:
-    """Return a digest of a module's source and of everything it imports from shadowbench and from its own package.
+    """Return a digest of a module's source, of its own code that it imports, and of the data files that it names.
 
     Args:
         module: Full name of a module that could be imported, or of a plugin file that was.
@@ -89,92 +87,14 @@ def code_digest(module: str) -> str:
         ModuleNotFoundError: There is no such module.
     """
     files = imported_files(module)
+    for name, file in list(files.items()):
+        files |= data_files(name, file)
     return key_of({name: _digest_of(file, file.stat().st_mtime_ns) for name, file in files.items()})
-
-
-def imported_files(module: str) -> dict[str, Path]:
-    """Return the source file of a module and of every module that it imports, directly or not, by name.
-
-    Only modules of shadowbench and of the module's own top-level package are followed; what stands under
-    ``if TYPE_CHECKING:`` does not run and is left out. So is ``shadowbench/__init__.py``, which holds the version.
-    """
-    own = {"shadowbench", module.partition(".")[0]}
-    found: dict[str, Path] = {}
-    waiting = [module]
-    while waiting:
-        name = waiting.pop()
-        if name in found or name == "shadowbench" or name.partition(".")[0] not in own:
-            continue
-        file = _source_of(name)
-        if file is None:
-            if name == module:
-                raise ModuleNotFoundError(f"there is no module {name}", name=name)
-            continue
-        found[name] = file
-        package = name if file.name == "__init__.py" else name.rpartition(".")[0]
-        waiting += _imports_of(file, file.stat().st_mtime_ns, package)
-        waiting += [name.rpartition(".")[0]] if "." in name else []  # importing a module runs its packages' __init__
-    return dict(sorted(found.items()))
-
-
-def _source_of(module: str) -> Path | None:
-    spec = _spec_of(module)
-    if spec is None or spec.origin is None or not spec.origin.endswith(".py"):
-        return None
-    return Path(spec.origin)
-
-
-def _spec_of(module: str) -> ModuleSpec | None:
-    """Find a module as an import would, without importing its packages (:func:`importlib.util.find_spec` does)."""
-    package, _, _ = module.rpartition(".")
-    path = None
-    if package:
-        parent = _spec_of(package)
-        if parent is None or parent.submodule_search_locations is None:
-            return None
-        path = list(parent.submodule_search_locations)
-    elif module in sys.modules:  # a plugin file is known by no finder
-        return sys.modules[module].__spec__
-    for finder in sys.meta_path:
-        spec = finder.find_spec(module, path)
-        if spec is not None:
-            return spec
-    return None
 
 
 @cache
 def _digest_of(file: Path, _modified: int) -> str:
     return file_digest(file)
-
-
-@cache
-def _imports_of(file: Path, _modified: int, package: str) -> tuple[str, ...]:
-    """Names that a source file may import; ``from a import b`` gives both ``a`` and ``a.b``."""
-    try:
-        tree = ast.parse(file.read_bytes())
-    except (SyntaxError, ValueError):
-        return ()
-    names: list[str] = []
-    for node in _running_nodes(tree):
-        if isinstance(node, ast.Import):
-            names += [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
-            parents = package.split(".")
-            base = ".".join(parents[: len(parents) - node.level + 1]) if node.level else ""
-            source = ".".join(part for part in (base, node.module) if part)
-            names += [source, *(f"{source}.{alias.name}" for alias in node.names)]
-    return tuple(dict.fromkeys(names))
-
-
-def _running_nodes(tree: ast.AST) -> Iterator[ast.AST]:
-    waiting = [tree]
-    while waiting:
-        node = waiting.pop()
-        yield node
-        if isinstance(node, ast.If) and ast.unparse(node.test) in ("TYPE_CHECKING", "typing.TYPE_CHECKING"):
-            waiting += node.orelse
-        else:
-            waiting += ast.iter_child_nodes(node)
 
 
 def machine() -> str:

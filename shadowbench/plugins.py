@@ -2,7 +2,8 @@
 
 All three go the same way: a name and a way to load a class. Built-ins are this package's own entry points. A plugin
 that cannot be loaded stays in the list with its error and takes nothing else down. ``--plugin FILE.py`` adds the
-file's public :class:`~shadowbench.method.Method` and :class:`~shadowbench.scene.ScenePlugin` subclasses.
+file's public :class:`~shadowbench.method.Method` and :class:`~shadowbench.scene.ScenePlugin` subclasses; it may import
+the files beside it.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any, Literal
 
 from shadowbench.errors import PluginError, did_you_mean
+from shadowbench.imported_code import imports_of, source_of
 
 if TYPE_CHECKING:
     from shadowbench.method import Method
@@ -194,6 +196,7 @@ def _load_file(file: Path) -> ModuleType:
     name = f"shadowbench_plugin_{file.stem.replace('-', '_')}_{digest}"
     if name in sys.modules:
         return sys.modules[name]
+    _make_importable(file)
     spec = importlib.util.spec_from_file_location(name, file)
     if spec is None or spec.loader is None:
         raise PluginError(f"plugin file {file} is not a Python file (its name must end in .py)")
@@ -207,6 +210,23 @@ def _load_file(file: Path) -> ModuleType:
         line = _line_in(error, file)
         raise PluginError(f"plugin file {file}{line} cannot be imported: {reason}") from error
     return module
+
+
+def _make_importable(file: Path) -> None:
+    """Let a plugin file import the files beside it; its folder comes last, so that they shadow nothing installed.
+
+    Raises:
+        PluginError: Something else has the name of a file beside it, and would be imported instead.
+    """
+    folder = file.absolute().parent
+    if str(folder) not in sys.path:
+        sys.path.append(str(folder))
+    for name in dict.fromkeys(name.partition(".")[0] for name in imports_of(file, "")):
+        beside = folder / f"{name}.py"
+        if beside.is_file() and (found := source_of(name)) != beside:
+            raise PluginError(
+                f"plugin file {file} imports '{name}', which is {found or 'built in'} and not {beside}; rename the file"
+            )
 
 
 def _line_in(error: Exception, file: Path) -> str:

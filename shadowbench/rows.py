@@ -13,6 +13,8 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from shadowbench.choices import EVERYTHING
+
 
 class Outcome(StrEnum):
     """How a case ended. Every case ends in a row with one of these."""
@@ -54,6 +56,9 @@ class ResultRow(BaseModel):
     run_id: str = Field(description="run that measured it")
     experiment: str = Field(description="experiment it belongs to")
     comparison: str = Field("", description="cases with the same value were timed in the same interleaved rounds")
+    baseline_case: str = Field(
+        "", description="key of the comparison's first case: what its cases' times are compared with, by round"
+    )
     case_key: str = Field(description="timing key: quality key, threads and machine")
     quality_key: str = Field(description="hash of scene, light, view, method, parameters, code and versions")
     scene: str = Field(description="scene plugin, or the mesh file's name")
@@ -68,6 +73,7 @@ class ResultRow(BaseModel):
     height: int = Field(description="picture height [pixels]")
     pixel_samples: int = Field(1, description="samples of every pixel, each a receiver")
     layers: int = Field(1, description="most surfaces that a sample sees through translucent ones, each a receiver")
+    moving: str = Field(EVERYTHING, description="what moves between two frames, so that build() is paid for it")
     device: str = Field(description="Warp device")
     threads: int = Field(description="threads the method may use")
 
@@ -82,8 +88,25 @@ class ResultRow(BaseModel):
     )
     self_hit: str = Field("", description="how the method keeps a surface from shadowing itself")
     visibility_digest: str = Field("", description="hash of the visibility's bits: equal digests, equal pictures")
+    changed_count: int | None = _column(
+        "most receivers that changed between two repeats, of a method that need not repeat its bits", "receivers"
+    )
+    quality_run: str = Field(
+        "",
+        description="run that took the measures, counters and pictures, where it was an earlier one with the same"
+        " quality key and the same bits; empty: this one",
+    )
 
     rounds: int | None = _column("timed rounds", "rounds")
+    processes: int | None = _column(
+        "worker processes that the rounds were divided among, the case loaded anew in each", "1"
+    )
+    ended_by: str = Field(
+        "", description="what ended the rounds: interval (tight), budget (spent) or rounds (their bound)"
+    )
+    warm_up_frames: int | None = _column("frames before the first round, the most of any process", "1")
+    build_repeats: int | None = _column("builds within one sample, which is divided by them", "1")
+    shade_repeats: int | None = _column("shades within one sample, which is divided by them", "1")
     build_ms: float | None = _column("build: paid when the light or a caster moves", "ms")
     build_ms_low: float | None = _column("", "ms")
     build_ms_high: float | None = _column("", "ms")
@@ -99,6 +122,13 @@ class ResultRow(BaseModel):
     dynamic_frame_ms: float | None = _column("camera pass + build + shade, summed round by round", "ms")
     dynamic_frame_ms_low: float | None = _column("", "ms")
     dynamic_frame_ms_high: float | None = _column("", "ms")
+    unexplained_ms: float | None = _column("build + shade less all stages, median over the rounds", "ms")
+    round_processes: list[int] = Field(default_factory=list, description="the process of each round, from 0")
+    outlier_rounds: list[int] = Field(
+        default_factory=list,
+        description="rounds whose build + shade lies far out (Tukey: three interquartile distances beyond the"
+        " quartiles, and 1 % from the median); they count like any other",
+    )
     compile_ms: float | None = _column("kernel compilation, outside every other time", "ms")
     bytes_kept: int | None = _column("what stays alive between frames", "bytes")
     peak_rss_bytes: int | None = _column("largest resident size of the worker during the case", "bytes")
@@ -158,6 +188,12 @@ class ResultRow(BaseModel):
 
 FRAME_RATES = {"static_frame_fps": "static_frame_ms", "dynamic_frame_fps": "dynamic_frame_ms"}
 """Values that tables make of a row [frames per second], and the columns [ms] that they are the inverse of."""
+
+RATIOS = {f"{name}_ratio": f"{name}_ms" for name in ("build", "shade", "camera", "static_frame", "dynamic_frame")}
+"""Values that tables make of a row and its comparison's first case: how many times as long it takes, of which time."""
+
+VERDICTS = {ratio.replace("_ratio", "_verdict"): ratio for ratio in RATIOS}
+"""What a ratio says in words: ``faster``, ``slower`` or ``no difference shown``."""
 
 LONG_FIELDS = ("stages", "counters", "kept", "samples", "artifacts")
 """Fields that stand beside the row as (case_key, name, value, unit)."""

@@ -55,8 +55,9 @@ class Ended:
 
 
 def options(results: Path, **changes: Any) -> RunOptions:
-    """Options for small runs: few rounds, little time."""
-    given = {"threads": (1,), "budget_s": 5.0, "min_rounds": 2, "max_rounds": 3, "plugin_files": PLUGIN_FILES}
+    """Options for small runs: few rounds, little time, one process a case."""
+    rounds = {"min_rounds": 2, "max_rounds": 3, "processes": 1}
+    given = {"threads": (1,), "budget_s": 5.0, "plugin_files": PLUGIN_FILES} | rounds
     return RunOptions(results=results, **(given | changes))  # type: ignore[arg-type]
 
 
@@ -66,7 +67,7 @@ def planned(results: Path, *methods: str, scenes: tuple[str, ...] = ("tiny",), *
         methods=methods,
         scenes=scenes,
         sizes=changes.pop("sizes", ["48x32"]),
-        **{name: changes.pop(name, []) for name in ("lights", "pixel_samples", "layers")},
+        **{name: changes.pop(name, []) for name in ("lights", "pixel_samples", "layers", "moving")},
     )
     return runner.plan([chosen], options(results, **changes))
 

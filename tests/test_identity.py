@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from builders import box_over_ground
 
-from shadowbench import identity
+from shadowbench import identity, imported_code
 
 PACKAGE = {
     "__init__.py": "",
@@ -64,7 +64,7 @@ def test_editing_a_module_that_does_not_run_changes_nothing(package: tuple[str, 
 
 def test_shadowbench_counts_and_other_peoples_libraries_do_not(package: tuple[str, Path]) -> None:
     name, _ = package
-    found = identity.imported_files(f"{name}.method")
+    found = imported_code.imported_files(f"{name}.method")
     assert "shadowbench.light_space" in found
     assert "shadowbench.world" in found, "what it imports in turn"
     assert "outer_thing" not in found
@@ -78,7 +78,7 @@ def test_an_absent_module_is_told() -> None:
 
 
 def test_a_built_in_method_depends_on_its_kernels_and_not_on_the_harness_or_other_methods() -> None:
-    found = set(identity.imported_files("shadowbench.methods.pcf"))
+    found = set(imported_code.imported_files("shadowbench.methods.pcf"))
     assert {"shadowbench.methods.pcf", "shadowbench.methods.pcf.kernels", "shadowbench.device.launch"} <= found
     assert not {m for m in found if m.startswith(("shadowbench.runner", "shadowbench.store", "shadowbench.metrics"))}
     assert not {m for m in found if m.startswith("shadowbench.methods.") and "pcf" not in m}

@@ -11,6 +11,12 @@
     progress.py     what a running plan shows
     listing.py      list, show
     results.py      table, report
+    claims.py       claims
+    pareto.py       pareto
+    writing.py      what --output does
+    transfer.py     export, import, backup, restore
+    token.py        token create, list, revoke
+    compare.py      compare
     check.py        check
     worker.py       worker, scheduler
     doctor.py       doctor; machine_checks.py has what it looks at

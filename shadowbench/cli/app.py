@@ -8,11 +8,16 @@ import typer
 
 from shadowbench import __version__
 from shadowbench.cli.check import check
+from shadowbench.cli.claims import claims
+from shadowbench.cli.compare import compare
 from shadowbench.cli.doctor import doctor
 from shadowbench.cli.exit_status import ExitStatus
 from shadowbench.cli.listing import list_names, show
+from shadowbench.cli.pareto import pareto
 from shadowbench.cli.results import report, table
 from shadowbench.cli.run import run
+from shadowbench.cli.token import app as token_app
+from shadowbench.cli.transfer import backup, export_, import_, restore
 from shadowbench.cli.worker import scheduler, worker
 
 _EPILOG = (
@@ -54,8 +59,16 @@ app.command()(run)
 app.command("list")(list_names)
 app.command()(show)
 app.command()(table)
+app.command()(claims)
+app.command()(pareto)
 app.command()(report)
+app.command()(compare)
 app.command()(check)
 app.command()(doctor)
+app.command("export")(export_)
+app.command("import")(import_)
+app.command()(backup)
+app.command()(restore)
+app.add_typer(token_app, name="token")
 app.command()(worker)
 app.command()(scheduler)

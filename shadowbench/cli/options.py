@@ -19,6 +19,18 @@ ResultsOption = Annotated[
     typer.Option("--results", metavar="DIR", envvar="SHADOWBENCH_RESULTS", file_okay=True, help="The results folder."),
 ]
 
+DatabaseOption = Annotated[
+    str | None,
+    typer.Option(
+        "--database",
+        metavar="URL",
+        envvar="SHADOWBENCH_DATABASE",
+        help="A PostgreSQL database with the runs, postgresql://user@host/name; otherwise the folder's own.",
+        show_default=False,
+        show_envvar=True,
+    ),
+]
+
 PluginOption = Annotated[
     list[Path] | None,
     typer.Option("--plugin", metavar="FILE.py", help="A file with methods or scenes of your own; may be repeated."),
@@ -55,12 +67,16 @@ RunArgument = Annotated[
 ]
 
 
-def open_store(folder: Path) -> Store:
+def open_store(folder: Path, database: str | None = None) -> Store:
     """Open a results folder for reading.
+
+    Args:
+        folder: The folder.
+        database: Address of the PostgreSQL database that has its runs, if one has.
 
     Raises:
         StoreError: There is none, or it cannot be read.
     """
     from shadowbench.store import Store
 
-    return Store.open(folder, create=False)
+    return Store.open(folder, create=False, database=database)

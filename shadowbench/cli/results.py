@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
 from shadowbench.cli import completion
-from shadowbench.cli.console import complain, put
+from shadowbench.cli.console import complain
 from shadowbench.cli.options import DEFAULT_RESULTS, ResultsOption, RunArgument, open_store
+from shadowbench.cli.writing import write_out
 from shadowbench.errors import UsageError
 
 if TYPE_CHECKING:
@@ -48,12 +48,7 @@ def table(
     if not rows:
         complain(f"run {record.run_id} has no finished case yet")
     written = tables.render(tables.make(rows, run=record, experiment=experiment), cast("Format", format))
-    if output is not None:
-        _write(output, written)
-    elif isinstance(written, str):
-        sys.stdout.write(written)
-    else:
-        put(written)
+    write_out(written, output)
 
 
 def report(
@@ -64,26 +59,26 @@ def report(
             "--output", "-o", metavar="FILE.html", help="Where to; by default beside the run.", show_default=False
         ),
     ] = None,
+    figures: Annotated[
+        Path | None,
+        typer.Option(
+            "--figures", metavar="DIR", help="Write the charts for papers, as PDF and SVG, instead.", show_default=False
+        ),
+    ] = None,
     results: ResultsOption = DEFAULT_RESULTS,
 ) -> None:
-    """Write a run's report, one HTML file to read offline."""
-    from shadowbench.report import default_path, write
+    """Write a run's report, one HTML file to read offline; or with --figures its charts, for papers."""
+    from shadowbench.report import default_path, write, write_figures
 
+    if figures is not None and output is not None:
+        raise UsageError("--figures writes no report: leave out --output, or ask twice")
     with open_store(results) as store:
         record = store.find_run(run)
-        path = write(store, record, output or default_path(store, record))
-    print(path)
-
-
-def _write(path: Path, written: object) -> None:
-    """Write text, or what rich can print, to a file (then without colour, 160 columns wide)."""
-    try:
-        with path.open("w", encoding="utf-8", newline="") as file:
-            if isinstance(written, str):
-                file.write(written)
-            else:
-                from rich.console import Console
-
-                Console(file=file, width=160, highlight=False).print(written)
-    except OSError as error:
-        raise UsageError(f"--output {path}: {error.strerror}") from error
+        if figures is None:
+            written = [write(store, record, output or default_path(store, record))]
+        else:
+            written = write_figures(store, record, figures)
+            if not written:
+                complain(f"run {record.run_id} has no chart: no case of it was timed")
+    for path in written:
+        print(path)

@@ -8,7 +8,8 @@
     bench.py        what every part of a run needs                     parent
     comparison.py   one comparison: prepare once, measure in blocks    parent
     block.py        cases parked side by side, timed in rounds         parent
-    rounds.py       balanced order, medians, intervals, stop rule      parent
+    members.py      what is timed in a block, and what it gave         parent
+    rounds.py       balanced order, fresh processes, stop rule         parent
     row_making.py   what was found -> result row                       parent
     finished.py     which cases have their row already                 parent
     cluster/        comparisons handed to other machines               parent
@@ -20,6 +21,7 @@
     preparation.py  scenes, receivers and references                   worker
     kernels.py      compiling kernels beforehand                       worker
     case_host.py    one case: load, warm up, rounds, measures          worker
+    sampling.py     repeats of short frames, warming up                worker
     camera_host.py  the camera pass, timed in the same rounds          worker
     peak_memory.py  largest resident size, case by case                worker
 

@@ -1,7 +1,8 @@
 """Cases parked side by side, one worker each, and timed in interleaved rounds.
 
 While rounds go on one worker is at work and the others wait, so that nothing but the machine itself disturbs a
-measurement. A case that fails leaves with its row, and the rest go on.
+measurement. Where time allows, the rounds go on in fresh workers, in which each case is loaded again and must give
+the same bits. A case that fails leaves with its row, and the rest go on.
 """
 
 from __future__ import annotations
@@ -9,7 +10,6 @@ from __future__ import annotations
 import secrets
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -19,60 +19,25 @@ from shadowbench.identity import available_cores, key_of
 from shadowbench.rows import Outcome
 from shadowbench.runner.bench import OWN_WORK_TIMEOUT_S, Bench
 from shadowbench.runner.cases import Case, Obstacle
+from shadowbench.runner.members import CameraMember, Member
 from shadowbench.runner.pool import Worker
 from shadowbench.runner.protocol import CaseFailure
-from shadowbench.runner.rounds import interval_of, order_of
-from shadowbench.runner.row_making import Timing, measured_row
+from shadowbench.runner.rounds import EndedBy, Pace, Step, order_of
+from shadowbench.runner.row_making import measured_row
 
 MOST_PARKED = 16
 """Workers side by side: a large sweep reuses this many instead of starting one for each of its cases."""
+
+_STARTING_AHEAD = 2
+"""Workers that start while one loads its case."""
 
 _LEAST_WORKER_BYTES = 400 << 20
 _SPARE_MEMORY = 0.8
 """Share of the free memory that the next worker may be expected to need."""
 
 
-@dataclass(eq=False)
-class Member:
-    """A case in its worker.
-
-    Attributes:
-        case: The case.
-        worker: Where it is loaded.
-        compile_ms: What its kernels took.
-        is_repeat: It has its row, and is timed again as the comparison's baseline.
-        timing: Its rounds so far.
-    """
-
-    case: Case
-    worker: Worker
-    compile_ms: float
-    is_repeat: bool
-    timing: Timing = field(default_factory=Timing)
-
-    def add_round(self, answer: dict[str, Any]) -> None:
-        self.timing.build.append(answer["build"])
-        self.timing.shade.append(answer["shade"])
-        self.timing.stages.append(answer["stages"])
-
-    @property
-    def is_tight(self) -> bool:
-        return self.timing.is_tight
-
-
-@dataclass(eq=False)
-class CameraMember:
-    """The camera pass in its worker."""
-
-    worker: Worker
-    durations: list[float] = field(default_factory=list)
-
-    def add_round(self, answer: dict[str, Any]) -> None:
-        self.durations.append(answer["camera"])
-
-    @property
-    def is_tight(self) -> bool:
-        return interval_of(self.durations).is_tight
+_START_S = 0.5
+"""What a fresh worker takes at least to start [s]."""
 
 
 class Block:
@@ -88,7 +53,11 @@ class Block:
         self._bench, self._entries = bench, entries
         self._name = f"{bench.run.run_id}-{case.comparison}-{secrets.token_hex(3)}"
         self._members: list[Member] = []
-        self._camera = self._load_camera(case)
+        self._case = case
+        self._begin = time.monotonic()
+        self._camera: CameraMember | None = CameraMember(bench.pool.take(case.threads))
+        self._load_camera(self._camera)
+        self._pace: Pace | None = None
 
     def has_room(self) -> bool:
         """Return whether another worker fits beside those that are parked; two always must, to be compared."""
@@ -100,46 +69,95 @@ class Block:
     def load(self, case: Case, *, is_repeat: bool = False) -> None:
         """Bring a case to the start of its rounds; one that fails or is skipped ends here."""
         bench = self._bench
-        worker = bench.pool.take(case.threads)
+        member = Member(case, bench.pool.take(case.threads), 0.0, is_repeat)
+        try:
+            loaded = self._ask_to_load(member)
+            if "skipped" in loaded:
+                bench.park(member.worker)
+                bench.end(case, Obstacle(Outcome.SKIPPED, loaded["skipped"]))
+                return
+            self._warm_up(member)
+        except CaseFailure as failure:
+            self._fail(case, member.worker, failure, is_repeat=is_repeat)
+            return
+        # what compiled a module first took longest; later workers find it in Warp's cache
+        bench.kernel_ms = loaded["kernels"] | bench.kernel_ms
+        member.compile_ms = sum(bench.kernel_ms[name] for name in loaded["kernels"])
+        self._members.append(member)
+
+    def time(self, budget_s: float, loading_budget_s: float) -> None:
+        """Time rounds until every interval is tight or the budget does not hold another round.
+
+        Args:
+            budget_s: For the rounds [s].
+            loading_budget_s: For loading the cases again, in fresh workers [s].
+        """
+        options = self._bench.options
+        self._pace = pace = Pace(
+            budget_s=budget_s,
+            loading_budget_s=loading_budget_s,
+            loading_s=max(time.monotonic() - self._begin, _START_S * len(self._members)),
+            min_rounds=options.min_rounds,
+            max_rounds=options.max_rounds,
+            most_processes=options.processes,
+        )
+        step = Step.ROUND
+        while self._members and step is not Step.END:
+            if step is Step.RENEW:
+                self._renew()
+            begin = time.monotonic()
+            for timed in order_of(self._everyone(), pace.rounds):
+                self._time_once(timed, pace)
+            step = pace.after_round(time.monotonic() - begin, lambda: all(m.is_tight for m in self._everyone()))
+
+    def _renew(self) -> None:
+        """Load every case again in a fresh worker."""
+        for member in list(self._members):
+            try:
+                self._note_peak(member)
+            except CaseFailure as failure:
+                self._leave(member, failure)
+        for old in self._everyone():
+            old.worker.kill()
+        renewed = list(self._everyone())
+        for position, old in enumerate(renewed):
+            for upcoming in renewed[position : position + 1 + _STARTING_AHEAD]:
+                if not upcoming.worker.is_alive:
+                    upcoming.worker = self._bench.pool.take_fresh(upcoming.worker.threads)
+            if isinstance(old, CameraMember):
+                self._load_camera(old)
+                continue
+            try:
+                self._ask_to_load(old)
+                self._warm_up(old)
+            except CaseFailure as failure:
+                self._leave(old, failure)
+
+    def _note_peak(self, member: Member) -> None:
+        peak = member.worker.ask("peak_bytes", {}, self._bench.options.timeout_s)
+        member.peak_rss_bytes = max(member.peak_rss_bytes, peak)
+
+    def _ask_to_load(self, member: Member) -> dict[str, Any]:
+        case, bench = member.case, self._bench
         arguments = {
             "cache": bench.cache,
             "entries": self._entries,
             "light": case.view.light,
             "camera": case.view.camera,
+            "moving": case.view.moving,
             "method": case.method,
             "parameters": case.method_parameters,
             "device": case.device,
             "threads": case.threads,
         }
-        try:
-            bench.observer.case_started(case, "load")
-            loaded = worker.ask("load_case", arguments, bench.options.timeout_s)
-            if "skipped" in loaded:
-                bench.park(worker)
-                bench.end(case, Obstacle(Outcome.SKIPPED, loaded["skipped"]))
-                return
-            bench.observer.case_started(case, "warm up")
-            worker.ask("warm_up", {}, bench.options.timeout_s)
-        except CaseFailure as failure:
-            self._fail(case, worker, failure, is_repeat=is_repeat)
-            return
-        # what compiled a module first took longest; later workers find it in Warp's cache
-        bench.kernel_ms = loaded["kernels"] | bench.kernel_ms
-        compile_ms = sum(bench.kernel_ms[name] for name in loaded["kernels"])
-        self._members.append(Member(case, worker, compile_ms, is_repeat))
+        bench.observer.case_started(case, "load")
+        loaded: dict[str, Any] = member.worker.ask("load_case", arguments, bench.options.timeout_s)
+        return loaded
 
-    def time(self, budget_s: float) -> None:
-        """Time rounds until every interval is tight or the budget does not hold another round."""
-        options = self._bench.options
-        begin, rounds = time.monotonic(), 0
-        while self._members and rounds < options.max_rounds:
-            for timed in order_of(self._everyone(), rounds):
-                self._time_once(timed, rounds)
-            rounds += 1
-            if (time.monotonic() - begin) * (rounds + 1) / rounds > budget_s:
-                return
-            if rounds >= options.min_rounds and all(member.is_tight for member in self._everyone()):
-                return
+    def _warm_up(self, member: Member) -> None:
+        self._bench.observer.case_started(member.case, "warm up")
+        arguments = {"repeats": member.repeats or None}
+        member.add_warm_up(member.worker.ask("warm_up", arguments, self._bench.options.timeout_s))
 
     def finish(self) -> None:
         """Measure what is left, on all cores since nothing is timed any more, keep the rows and park the workers."""
@@ -169,8 +187,7 @@ class Block:
             try:
                 kernel = member.worker.ask("kernel", {}, bench.options.timeout_s)
             except CaseFailure as failure:
-                self._members.remove(member)
-                self._fail(member.case, member.worker, failure, is_repeat=False)
+                self._leave(member, failure)
                 continue
             found[member] = None
             if kernel is not None:
@@ -203,21 +220,21 @@ class Block:
     def _everyone(self) -> Sequence[Member | CameraMember]:
         return [*self._members, *([] if self._camera is None else [self._camera])]
 
-    def _time_once(self, member: Member | CameraMember, round_number: int) -> None:
+    def _time_once(self, member: Member | CameraMember, pace: Pace) -> None:
         if isinstance(member, Member):
-            self._bench.observer.case_started(member.case, f"round {round_number + 1}")
+            self._bench.observer.case_started(member.case, f"round {pace.rounds + 1}")
         try:
-            member.add_round(member.worker.ask("round", {}, self._bench.options.timeout_s))
+            member.add_round(member.worker.ask("round", {}, self._bench.options.timeout_s), pace.process)
         except CaseFailure as failure:
             if isinstance(member, Member):
-                self._members.remove(member)
-                self._fail(member.case, member.worker, failure, is_repeat=member.is_repeat)
+                self._leave(member, failure)
             else:
                 self._camera = None
                 member.worker.kill()
 
-    def _load_camera(self, case: Case) -> CameraMember | None:
-        view, worker = case.view, self._bench.pool.take(case.threads)
+    def _load_camera(self, member: CameraMember) -> None:
+        """Bring the camera pass to the start of its rounds; where it cannot be, there is none."""
+        view, case = self._case.view, self._case
         arguments = {
             "cache": self._bench.cache,
             "entries": self._entries,
@@ -230,23 +247,24 @@ class Block:
             "threads": case.threads,
         }
         try:
-            worker.ask("load_camera", arguments, OWN_WORK_TIMEOUT_S)
-            worker.ask("warm_up", {}, OWN_WORK_TIMEOUT_S)
+            member.worker.ask("load_camera", arguments, OWN_WORK_TIMEOUT_S)
+            member.repeats = member.worker.ask("warm_up", {"repeats": member.repeats}, OWN_WORK_TIMEOUT_S)["repeats"]
         except CaseFailure as failure:
-            worker.kill()
+            member.worker.kill()
+            self._camera = None
             self._bench.observer.note(f"{view}: the camera pass cannot be timed: {failure.reason}")
-            return None
-        return CameraMember(worker)
 
     def _finish_one(self, member: Member) -> None:
         bench, case = self._bench, member.case
         bench.observer.case_started(case, "measure")
         try:
             measured = member.worker.end(bench.options.timeout_s)
+            measured["peak_rss_bytes"] = max(measured["peak_rss_bytes"], member.peak_rss_bytes)
+            measured["warnings"] += member.warnings
         except CaseFailure as failure:
-            self._fail(case, member.worker, failure, is_repeat=False)
+            self._leave(member, failure)
             return
-        baseline = next((other.timing for other in self._members if other.is_repeat), None)
+        baseline = self._members[0]  # the comparison's first case; where it failed, the first that did not
         artifacts = {name: bench.keep_picture(Path(file)) for name, file in measured["pictures"].items()}
         bench.keep(
             measured_row(
@@ -256,11 +274,18 @@ class Block:
                 compile_ms=member.compile_ms,
                 timing=member.timing,
                 camera=self._camera.durations if self._camera is not None else (),
-                baseline=baseline,
+                ended_by=self._pace.ended_by if self._pace is not None else EndedBy.BUDGET,
+                repeats=member.repeats,
+                baseline_case=baseline.case.case_key,
+                baseline=baseline.timing if baseline.is_repeat else None,
                 measured=measured,
                 artifacts=artifacts,
             )
         )
+
+    def _leave(self, member: Member, failure: CaseFailure) -> None:
+        self._members.remove(member)
+        self._fail(member.case, member.worker, failure, is_repeat=member.is_repeat)
 
     def _fail(self, case: Case, worker: Worker, failure: CaseFailure, *, is_repeat: bool) -> None:
         worker.kill()  # nobody knows what the plugin left behind in it

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from shadowbench.camera_pass import CameraPass
 from shadowbench.device.launch import Context
 from shadowbench.runner.cache import Cache
-from shadowbench.runner.case_host import WARM_BELOW_MS
+from shadowbench.runner.sampling import WARM_BELOW_MS, WarmUp, repeats_for
 
 if TYPE_CHECKING:
     from shadowbench.world import World
@@ -48,23 +48,26 @@ class CameraHost:
         )
         return {}
 
-    def warm_up(self) -> dict[str, Any]:
-        """Run twice outside the clock: the first run loads the kernels."""
-        self._run()
-        self._run()
-        return {}
+    def warm_up(self, repeats: int | None = None) -> dict[str, Any]:
+        """Run outside the clock until the pass is steady; return ``repeats`` within a sample, found unless given."""
+        warm_up = WarmUp()
+        while not warm_up.is_over:
+            warm_up.add(self._run(1))
+        self._repeats = repeats_for(self._last_ms) if repeats is None else repeats
+        return {"repeats": self._repeats}
 
     def round(self) -> dict[str, Any]:
-        """Time one camera pass; return ``camera`` [ms]."""
+        """Take one sample; return ``camera``, the duration of one pass [ms]."""
         if self._last_ms < WARM_BELOW_MS:
-            self._run()
-        self._run()
-        return {"camera": self._last_ms}
+            self._run(1)
+        return {"camera": self._run(self._repeats)}
 
     def close(self) -> None:
         """Nothing to close."""
 
-    def _run(self) -> None:
+    def _run(self, repeats: int) -> float:
         begin = time.perf_counter()
-        self._camera_pass.run()  # synchronises the device
-        self._last_ms = (time.perf_counter() - begin) * 1.0e3
+        for _ in range(repeats):
+            self._camera_pass.run()  # synchronises the device
+        self._last_ms = (time.perf_counter() - begin) * 1.0e3 / repeats
+        return self._last_ms

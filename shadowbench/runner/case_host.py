@@ -11,7 +11,7 @@ import hashlib
 import math
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -24,14 +24,15 @@ from numpy.typing import NDArray
 from shadowbench.contract import filter_breaches, visibility_breaches
 from shadowbench.device.launch import Context, synchronize
 from shadowbench.errors import InvalidResultError
-from shadowbench.light_space import camera_frame
-from shadowbench.method import Changes, Method, Trace, View
+from shadowbench.method import Method, Trace, View
 from shadowbench.metrics import measure, measure_likeness
+from shadowbench.motion import Moment, everything_changed, moment_before
 from shadowbench.parameters import parse_parameters
 from shadowbench.pictures import case_pictures, png
 from shadowbench.runner.cache import Cache
 from shadowbench.runner.kernels import load_kernels
 from shadowbench.runner.peak_memory import forget_peak, peak_bytes
+from shadowbench.runner.sampling import WARM_BELOW_MS, WarmUp, repeats_for
 
 if TYPE_CHECKING:
     from shadowbench.filtered_reference import FilteredReference
@@ -40,12 +41,6 @@ if TYPE_CHECKING:
     from shadowbench.reference import Reference
     from shadowbench.scene import Light
     from shadowbench.world import World
-
-WARM_BELOW_MS = 25.0
-"""A frame shorter than this runs once untimed in its round: what it needs was evicted while other workers ran."""
-
-_SECOND_FRAME_BELOW_MS = 2000.0
-"""A longer first frame is not repeated to warm up; the first round is its first repeat."""
 
 
 class CaseHost:
@@ -65,6 +60,7 @@ class CaseHost:
         self._changed_count = 0
         self._warnings: list[str] = []
         self._last_ms = math.inf
+        self._repeats = 1, 1
 
     def load(
         self,
@@ -73,6 +69,7 @@ class CaseHost:
         entries: dict[str, str],
         light: str,
         camera: str,
+        moving: str,
         method: str,
         parameters: dict[str, Any],
         device: str,
@@ -84,6 +81,7 @@ class CaseHost:
             cache: The cache's folder.
             entries: Names of ``world``, ``receivers`` and ``reference`` in it.
             light, camera: Names in the world.
+            moving: What moves between two frames, of :data:`shadowbench.choices.MOVING`.
             method: Its name.
             parameters: All of its parameters.
             device, threads: Where to run.
@@ -106,11 +104,8 @@ class CaseHost:
             reason = self._method.supports(self._world, self._light)
         if reason is not None:
             return {"skipped": reason}
-        seen_by = self._world.cameras[camera]
-        size = self._receivers.width, self._receivers.height
-        self._view = View(seen_by, *size, camera_frame(seen_by, *size, self._world))
-        everything = frozenset(range(len(self._world.casters.instances)))
-        self._changes = Changes(light=True, instances=everything, view=True)
+        self._now = Moment(self._world, self._light, self._world.cameras[camera])
+        self._before, self._changes = moment_before(self._now, moving)
         shape = (self._receivers.count,) if self._world.casters.is_opaque else (self._receivers.count, 3)
         unwritten = np.full(shape, np.nan, dtype=np.float32)
         self._unwritten: wp.array[Any] = wp.array(unwritten, dtype=wp.float32, device=device)
@@ -118,32 +113,52 @@ class CaseHost:
         self._tell_phase("compiling kernels")
         return {"kernels": load_kernels([cls.__module__], device)}
 
-    def warm_up(self) -> dict[str, Any]:
-        """Run a frame or two outside the clock and hold the results to the contract.
+    def warm_up(self, repeats: Sequence[int] | None = None) -> dict[str, Any]:
+        """Run frames outside the clock until they are steady, hold the results to the contract, and calibrate.
 
-        Raises:
-            InvalidResultError: The result breaks it.
-        """
-        self._frame(tell=True)
-        if self._last_ms < _SECOND_FRAME_BELOW_MS:
-            self._frame()
-        gc.collect()
-        gc.freeze()  # what is alive now need not be looked at again while the clock runs
-        return {"frame_ms": self._last_ms}
-
-    def round(self) -> dict[str, Any]:
-        """Time one frame.
+        Args:
+            repeats: How often build and shade are repeated within a sample, where another process has found out.
 
         Returns:
-            ``build`` and ``shade`` [ms], ``stages``.
+            ``frames``: how many there were; ``repeats`` of build and of shade; ``visibility_digest`` and ``counters``,
+            which are the same in every process.
+
+        Raises:
+            InvalidResultError: The result breaks the contract.
+        """
+        warm_up = WarmUp()
+        while not warm_up.is_over:
+            durations = self._frame(tell=warm_up.frames == 0)
+            warm_up.add(sum(durations))
+        build, shade = map(repeats_for, durations) if repeats is None else repeats
+        moves = self._before is not self._now  # and has moved once one build is over
+        self._repeats = 1 if moves else build, shade
+        gc.collect()
+        gc.freeze()  # what is alive now need not be looked at again while the clock runs
+        return {
+            "frames": warm_up.frames,
+            "repeats": self._repeats,
+            "visibility_digest": self._first_digest,
+            "counters": self._first_counters,
+        }
+
+    def round(self) -> dict[str, Any]:
+        """Take one sample.
+
+        Returns:
+            ``build`` and ``shade`` [ms], ``stages``; all of them of one frame.
 
         Raises:
             InvalidResultError: The result breaks the contract, or differs from the first one.
         """
         if self._last_ms < WARM_BELOW_MS:
             self._frame()
-        build_ms, shade_ms = self._frame()
-        return {"build": build_ms, "shade": shade_ms, "stages": self._trace.stages}
+        build_ms, shade_ms = self._frame(self._repeats)
+        return {"build": build_ms, "shade": shade_ms, "stages": self._stages}
+
+    def peak_bytes(self) -> int:
+        """Return the largest resident size so far [bytes]."""
+        return peak_bytes()
 
     def kernel(self) -> dict[str, Any] | None:
         """Return the kernel that the reference must be filtered with, ``None`` for a hard test.
@@ -213,6 +228,7 @@ class CaseHost:
             "self_hit": self._method.self_hit_rule(),
             "view_dependent": self._method.is_view_dependent(),
             "visibility_digest": self._first_digest,
+            "changed_count": None if self._method.deterministic else self._changed_count,
             "peak_rss_bytes": self._peak,
             "warnings": self._warnings,
         }
@@ -230,30 +246,51 @@ class CaseHost:
         if self._method is not None:
             self._method.close()
 
-    def _frame(self, *, tell: bool = False) -> tuple[float, float]:
-        """Build and shade once; return both durations [ms]."""
+    def _frame(self, repeats: tuple[int, int] = (1, 1), *, tell: bool = False) -> tuple[float, float]:
+        """Build and shade, each as often as ``repeats`` says; return the durations of one of each [ms]."""
         assert self._method is not None
+        if self._before is not self._now:
+            self._step_back(tell=tell)
         wp.copy(self._visibility, self._unwritten)
         synchronize(self._context)
-        trace = self._trace = Trace(self._context)
-        casters = self._world.casters
+        # a trace for every repeat, made beforehand; the last of build() is the first of shade()
+        builds, shades = ([Trace(self._context) for _ in range(count)] for count in repeats)
+        trace = self._trace = shades[0] = builds[-1]
+        casters, view = self._now.world.casters, self._view(self._now)
         with _without_collection():
             if tell:
                 self._tell_phase("build")
             build_begin = time.perf_counter()
-            self._method.build(casters, self._light, self._view, self._changes, trace)
+            for build_trace in builds:
+                self._method.build(casters, self._now.light, view, self._changes, build_trace)
             synchronize(self._context)
             build_end = time.perf_counter()
+            built_stages = dict(trace.stages)
             if tell:
                 self._tell_phase("shade")
             shade_begin = time.perf_counter()
-            self._method.shade(self._receivers, self._visibility, trace)
+            for shade_trace in shades:
+                self._method.shade(self._receivers, self._visibility, shade_trace)
             synchronize(self._context)
             shade_end = time.perf_counter()
-        build_ms, shade_ms = (build_end - build_begin) * 1.0e3, (shade_end - shade_begin) * 1.0e3
+        self._stages = _stages_of_one_frame(builds, shades, built_stages)
+        build_ms = (build_end - build_begin) * 1.0e3 / len(builds)
+        shade_ms = (shade_end - shade_begin) * 1.0e3 / len(shades)
         self._last_ms = build_ms + shade_ms
         self._check(trace)
         return build_ms, shade_ms
+
+    def _step_back(self, *, tell: bool) -> None:
+        """Have the method build for the frame before, so that what moves has moved when the clock starts."""
+        assert self._method is not None
+        if tell:
+            self._tell_phase("build before anything moves")
+        before = self._before
+        changes = everything_changed(before.world) if self._first is None else self._changes
+        self._method.build(before.world.casters, before.light, self._view(before), changes, Trace(self._context))
+
+    def _view(self, moment: Moment) -> View:
+        return moment.view(self._receivers.width, self._receivers.height)
 
     def _check(self, trace: Trace) -> None:
         """Hold a result to the contract and to the first result."""
@@ -278,6 +315,26 @@ class CaseHost:
             self._changed_count = max(self._changed_count, count)
         if self._method.deterministic and trace.counters != self._first_counters:
             raise InvalidResultError(_counter_difference(self._first_counters, trace.counters))
+
+
+def _stages_of_one_frame(
+    builds: Sequence[Trace], shades: Sequence[Trace], built_stages: dict[str, float]
+) -> dict[str, float]:
+    """Return the durations of stages over all repeats, as those of one frame [ms].
+
+    Args:
+        builds, shades: The traces of the repeats; the last of the one is the first of the other.
+        built_stages: What that one held between the two.
+    """
+    found: dict[str, float] = {}
+    for stages in (*(trace.stages for trace in builds[:-1]), built_stages):
+        for name, duration in stages.items():
+            found[name] = found.get(name, 0.0) + duration / len(builds)
+    for trace in shades:
+        before = built_stages if trace is shades[0] else {}
+        for name, duration in trace.stages.items():
+            found[name] = found.get(name, 0.0) + (duration - before.get(name, 0.0)) / len(shades)
+    return found
 
 
 def _counter_difference(first: dict[str, int], later: dict[str, int]) -> str:

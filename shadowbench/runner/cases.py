@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
+from shadowbench.choices import EVERYTHING
 from shadowbench.rows import Outcome, ResultRow
 
 if TYPE_CHECKING:
@@ -46,13 +47,14 @@ class RunOptions:
         device: Warp device.
         threads: Numbers of threads for comparisons that do not say; empty for all available cores.
         timeout_s: Longest that one step of a case may take: loading, warming up, one round, or measuring [s].
-        budget_s: Time for the rounds of one comparison; no round begins after it. ``None`` for the experiment's own
-            or else 30 s.
+        budget_s: Time for the rounds of one comparison; no round begins after it. Loading its cases again in fresh
+            processes may take as long once more. ``None`` for the experiment's own or else 30 s.
         memory_limit_bytes: Resident size at which a worker is stopped; ``None`` for the smaller of 8 GiB and 60 % of
             the machine's memory.
         min_rounds: Rounds before a comparison may end because its intervals are tight; from 6 on a median has a
             95 % interval.
         max_rounds: Rounds after which a comparison ends.
+        processes: Worker processes that the rounds of a case are divided among, where the budget allows.
         fresh: Measure again what an earlier run of the same plan has finished.
         plugin_files: Files given with ``--plugin``.
         argv: The command line, for the record.
@@ -67,6 +69,7 @@ class RunOptions:
     memory_limit_bytes: int | None = None
     min_rounds: int = 6
     max_rounds: int = 30
+    processes: int = 5
     fresh: bool = False
     plugin_files: tuple[Path, ...] = ()
     argv: tuple[str, ...] = ()
@@ -101,6 +104,7 @@ class View:
         width, height: Size of the picture [pixels].
         pixel_samples: Samples of every pixel.
         layers: Most surfaces that a sample sees.
+        moving: What moves between two frames.
         notes: The scene's warnings.
     """
 
@@ -115,12 +119,14 @@ class View:
     height: int
     pixel_samples: int = 1
     layers: int = 1
+    moving: str = EVERYTHING
     notes: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         text = f"{self.scene}, light '{self.light}', camera '{self.camera}', {self.width}x{self.height}"
         text += f", {self.pixel_samples} samples a pixel" if self.pixel_samples > 1 else ""
-        return text + (f", {self.layers} layers" if self.layers > 1 else "")
+        text += f", {self.layers} layers" if self.layers > 1 else ""
+        return text + (f", moving {self.moving}" if self.moving != EVERYTHING else "")
 
 
 @dataclass(frozen=True)

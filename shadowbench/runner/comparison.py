@@ -6,13 +6,14 @@ comparison's first case again: rows of different blocks can then be compared by 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import asdict
 
 from shadowbench.identity import available_cores
 from shadowbench.rows import Outcome
 from shadowbench.runner.bench import OWN_WORK_TIMEOUT_S, Bench
-from shadowbench.runner.block import Block
+from shadowbench.runner.block import MOST_PARKED, Block
 from shadowbench.runner.cases import Case, Obstacle
 from shadowbench.runner.protocol import CaseFailure
 
@@ -24,7 +25,7 @@ def measure_comparison(bench: Bench, cases: Sequence[Case], baseline: Case | Non
         bench: The run's tools.
         cases: Those of one comparison that have no row yet.
         baseline: The comparison's first case that can be measured, whether it has a row or not.
-        budget_s: For the rounds of each block [s].
+        budget_s: For the rounds of each block [s]; the same once more for loading cases again, all blocks together.
     """
     waiting = []
     for case in cases:
@@ -42,6 +43,7 @@ def measure_comparison(bench: Bench, cases: Sequence[Case], baseline: Case | Non
         for case in waiting:
             bench.end(case, obstacle)
         return
+    loading_budget_s = budget_s / math.ceil(len(waiting) / MOST_PARKED)
     while waiting:
         block = Block(bench, entries, waiting[0])
         if baseline is not None and baseline not in waiting and baseline.case_key not in bench.failed:
@@ -51,7 +53,7 @@ def measure_comparison(bench: Bench, cases: Sequence[Case], baseline: Case | Non
             if waiting:
                 bench.pool.warm(case.threads, 2)  # the next worker starts while this one loads
             block.load(case)
-        block.time(budget_s)
+        block.time(budget_s, loading_budget_s)
         block.finish()
 
 

@@ -15,7 +15,8 @@ from typing import Any
 
 import warp as wp
 
-from shadowbench.identity import available_cores, imported_files
+from shadowbench.identity import available_cores
+from shadowbench.imported_code import imported_files
 
 
 def load_kernels(modules: Iterable[str], device: str) -> dict[str, float]:

@@ -275,6 +275,10 @@ class Pool:
                 return worker
         return self._start(threads)
 
+    def take_fresh(self, threads: int) -> Worker:
+        """Return a new worker that is still starting, whatever is parked."""
+        return self._start(threads)
+
     def warm(self, threads: int, count: int) -> None:
         """Have at least ``count`` workers parked or starting, so that they start while others work."""
         ready = sum(worker.threads == threads and worker.is_alive for worker in self._parked)

@@ -2,7 +2,7 @@
 
 Runs in a worker. A scene is made when the plan is (its lights and cameras must be known); receivers and reference of a
 view are made before the first case that needs them, and the reference is filtered after the last round, for each kernel
-that a method told. Each is keyed by what it is made of, contents and code alike.
+that a method told. Each is keyed by what it is made of: contents, code, and the Warp that compiles its kernels.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from shadowbench.device.launch import Context
-from shadowbench.identity import code_digest, content_digest, key_of
+from shadowbench.identity import code_digest, content_digest, key_of, library_version
 from shadowbench.light_space_kernel import LightSpaceKernel
 from shadowbench.parameters import parse_parameters
 from shadowbench.runner.cache import Cache, CacheMissError
@@ -89,7 +89,7 @@ def prepare(folder: Path, view: dict[str, Any], threads: int) -> dict[str, Any]:
     camera, light = world.cameras[view["camera"]], world.lights[view["light"]]
     picture = {name: view[name] for name in ("width", "height", "pixel_samples", "layers")}
     receivers_key = key_of(
-        [view["content"], content_digest(camera), picture, code_digest("shadowbench.camera_pass")],
+        [view["content"], content_digest(camera), picture, code_digest("shadowbench.camera_pass"), _warp_version()],
     )
     receivers_entry = f"receivers-{receivers_key}"
     reference_key = key_of([receivers_key, content_digest(light), code_digest("shadowbench.reference")])
@@ -148,3 +148,8 @@ def prepare_filtered(folder: Path, entries: dict[str, str], light: str, kernel: 
         )
         cache.store(entry, filtered)
     return entry
+
+
+def _warp_version() -> str:
+    """Return the version of Warp, which compiles the kernels that everything but the world comes from."""
+    return library_version("warp-lang") or ""

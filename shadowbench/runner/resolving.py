@@ -23,6 +23,10 @@ MESH_FILE = "mesh-file"
 """The scene that a mesh file's path stands for; its parameter ``path`` takes it."""
 
 
+_SCENE_LIBRARIES = ("numpy", "warp-lang", "pyvista", "vtk", "usd-core")
+"""What scenes are made with, and read from; the scanned bunny is a file of Warp's."""
+
+
 def describe_device(device: str) -> dict[str, Any]:
     """Return what a plan needs to know about a Warp device and about the code that every case uses.
 
@@ -96,7 +100,7 @@ def resolve_scene(registry: Registry, name: str, values: dict[str, Any]) -> dict
     parameters = parse_parameters(plugin.Parameters, values, owner=f"scene '{shown}'")
     files = _files_of(parameters)
     portable = {key: value for key, value in parameters.model_dump(mode="json").items() if key not in files}
-    code = [code_digest(plugin.__module__), code_digest("shadowbench.world")]
+    code = [code_digest(plugin.__module__), code_digest("shadowbench.world"), *map(library_version, _SCENE_LIBRARIES)]
     content = {key: _digest_or_nothing(path) for key, path in files.items()}
     return {
         "plugin": name,

@@ -10,7 +10,8 @@ from typing import Any
 
 from shadowbench.rows import Outcome, ResultRow, RunRecord
 from shadowbench.runner.cases import Case
-from shadowbench.runner.rounds import TIGHT, Interval, interval_of, sums
+from shadowbench.runner.rounds import TIGHT, EndedBy, is_tight, sums
+from shadowbench.statistics import Interval, has_two_modes, interval_of, median_over_processes, outliers
 
 
 @dataclass
@@ -20,11 +21,25 @@ class Timing:
     Attributes:
         build, shade: Durations by round [ms].
         stages: Stage durations by round [ms].
+        processes: By round, which process it was in.
+        warm_up_frames: Before the first round, the most of any process.
     """
 
     build: list[float] = field(default_factory=list)
     shade: list[float] = field(default_factory=list)
     stages: list[dict[str, float]] = field(default_factory=list)
+    processes: list[int] = field(default_factory=list)
+    warm_up_frames: int = 0
+
+    @property
+    def frames(self) -> list[float]:
+        """Build + shade by round [ms]."""
+        return sums(self.build, self.shade)
+
+    @property
+    def unexplained(self) -> list[float]:
+        """What no stage accounts for of build + shade, by round [ms]."""
+        return [frame - sum(stages.values()) for frame, stages in zip(self.frames, self.stages, strict=True)]
 
     def intervals(self, camera: Sequence[float], *, view_dependent: bool) -> dict[str, Interval]:
         """Return the intervals of all durations, by the row's column without ``_ms``.
@@ -39,12 +54,12 @@ class Timing:
             series["camera"] = list(camera)
             series["dynamic_frame"] = dynamic
             series["static_frame"] = dynamic if view_dependent else sums(camera, self.shade)
-        return {name: interval_of(samples) for name, samples in series.items()}
+        return {name: median_over_processes(samples, self.processes) for name, samples in series.items()}
 
     @property
     def is_tight(self) -> bool:
         """Whether more rounds would tell little more about the frame and its dearer part."""
-        return interval_of(self.shade).is_tight and interval_of(sums(self.build, self.shade)).is_tight
+        return is_tight(interval_of(self.shade)) and is_tight(interval_of(self.frames))
 
 
 def now() -> str:
@@ -65,6 +80,9 @@ def measured_row(
     compile_ms: float,
     timing: Timing,
     camera: Sequence[float],
+    ended_by: EndedBy,
+    repeats: Sequence[int],
+    baseline_case: str,
     baseline: Timing | None,
     measured: Mapping[str, Any],
     artifacts: dict[str, str],
@@ -78,6 +96,9 @@ def measured_row(
         compile_ms: Compiling and loading kernels.
         timing: Its rounds.
         camera: The camera pass in the same rounds; empty if it could not be timed.
+        ended_by: The rule that ended them.
+        repeats: Of build and of shade within a sample.
+        baseline_case: Key of the case that those of its rounds are compared with.
         baseline: The comparison's first case in the same rounds, where that case's own row has other rounds.
         measured: What :meth:`shadowbench.runner.case_host.CaseHost.measure` returned.
         artifacts: Names of the kept pictures.
@@ -85,13 +106,13 @@ def measured_row(
     columns = _common(case, run) | measured["columns"]
     intervals = timing.intervals(camera, view_dependent=measured["view_dependent"])
     for name, interval in intervals.items():
-        columns[f"{name}_ms"] = interval.median
+        columns[f"{name}_ms"] = interval.estimate
         columns[f"{name}_ms_low"] = interval.low
         columns[f"{name}_ms_high"] = interval.high
     samples = {"build": timing.build, "shade": timing.shade, "camera": list(camera)}
     if baseline is not None:
         samples |= {"baseline build": baseline.build, "baseline shade": baseline.shade}
-    columns["warnings"] = [*columns["warnings"], *measured["warnings"], *_timing_warnings(timing, intervals)]
+    columns["warnings"] = [*columns["warnings"], *measured["warnings"], *_timing_warnings(timing)]
     stage_names = dict.fromkeys(name for stages in timing.stages for name in stages)
     return ResultRow(
         **columns,
@@ -99,7 +120,17 @@ def measured_row(
         comparison=comparison,
         self_hit=measured["self_hit"],
         visibility_digest=measured["visibility_digest"],
+        changed_count=measured["changed_count"],
+        baseline_case=baseline_case,
         rounds=len(timing.shade),
+        processes=len(set(timing.processes)),
+        ended_by=ended_by,
+        warm_up_frames=timing.warm_up_frames,
+        build_repeats=repeats[0],
+        shade_repeats=repeats[1],
+        round_processes=timing.processes,
+        outlier_rounds=outliers(timing.frames),
+        unexplained_ms=median(timing.unexplained),
         compile_ms=compile_ms,
         bytes_kept=sum(measured["kept"].values()),
         peak_rss_bytes=measured["peak_rss_bytes"],
@@ -126,6 +157,7 @@ def case_columns(case: Case) -> dict[str, Any]:
         "height": view.height,
         "pixel_samples": view.pixel_samples,
         "layers": view.layers,
+        "moving": view.moving,
         "device": case.device,
         "threads": case.threads,
     }
@@ -146,11 +178,17 @@ def _common(case: Case, run: RunRecord) -> dict[str, Any]:
     }
 
 
-def _timing_warnings(timing: Timing, intervals: Mapping[str, Interval]) -> list[str]:
-    shade = intervals["shade"]
-    if shade.low is None or shade.high is None:
-        return ["too few rounds fitted in the time budget for an interval; a larger --budget gives more"]
-    if not timing.is_tight:
-        # the interval itself stands beside the median; one sentence for all cases keeps the tables' notes short
-        return [f"95 % interval wider than ±{TIGHT:.0%}; a quieter machine or a larger --budget narrows it"]
-    return []
+def _timing_warnings(timing: Timing) -> list[str]:
+    """Return what keeps the times from saying much, each with its remedy; without figures, so that notes stay few."""
+    found = []
+    if interval_of(timing.frames).low is None:
+        found.append("too few rounds fitted in the time budget for an interval; a larger --budget gives more")
+    elif not timing.is_tight:
+        # the interval itself stands beside the median
+        found.append(f"95 % interval wider than ±{TIGHT:.0%}; a quieter machine or a larger --budget narrows it")
+    if has_two_modes(timing.frames):
+        found.append(
+            "the times fall into two groups, between which the median is chance; see the samples, keep the processor"
+            " from changing its frequency, and end other programs"
+        )
+    return found

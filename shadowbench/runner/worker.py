@@ -118,13 +118,17 @@ class Desk:
         self._host = CameraHost()
         return self._host.load(**view)
 
-    def warm_up(self) -> dict[str, Any]:
+    def warm_up(self, repeats: Any = None) -> dict[str, Any]:
         """See the host."""
-        return self._host.warm_up()
+        return self._host.warm_up(repeats)
 
     def round(self) -> dict[str, Any]:
         """See the host."""
         return self._host.round()
+
+    def peak_bytes(self) -> int:
+        """See the host."""
+        return self._host.peak_bytes()
 
     def kernel(self) -> dict[str, Any] | None:
         """See the host."""

@@ -15,7 +15,9 @@ from pathlib import Path
 from shadowbench.errors import StoreError
 from shadowbench.store.engine import store_errors
 
-_NAME = re.compile(r"[0-9a-f]{64}\.[a-z0-9]{1,8}")
+ARTIFACT_NAME = re.compile(r"[0-9a-f]{64}\.[a-z0-9]{1,8}")
+"""The name of an artifact, ``<sha256>.<suffix>``."""
+
 _SUFFIX = re.compile(r"[a-z0-9]{1,8}")
 
 
@@ -61,7 +63,7 @@ class ArtifactFolder:
         Raises:
             StoreError: This is no artifact's name; above all, names cannot lead out of the folder.
         """
-        if not _NAME.fullmatch(name):
+        if not ARTIFACT_NAME.fullmatch(name):
             raise StoreError(f"{name!a:.80} is not an artifact's name: 64 hexadecimal digits, a dot and a suffix")
         return self.folder / name[:2] / name
 

@@ -2,7 +2,8 @@
 
 The columns of ``runs`` and ``rows`` are derived from :class:`~shadowbench.rows.RunRecord` and
 :class:`~shadowbench.rows.ResultRow`, so that a field cannot be forgotten: adding one there makes the test that
-compares the migrated database with these models ask for a migration. What has many values a row (stages, counters,
+compares the migrated database with these models ask for a migration. Two columns of a row are hashes that lists are
+grouped by (:mod:`shadowbench.store.derived`). What has many values a row (stages, counters,
 kept arrays, samples, artifacts) stands in a long table of its own: ``row_id, position, name, value, unit``, where
 ``position`` keeps the order in which a method named them, and samples have a ``round``. In SQL::
 
@@ -86,6 +87,7 @@ class StoredRun(Base):
         *derived_columns(RunRecord),
         Index(None, "run_id", unique=True),
         Index(None, "plan_key"),
+        Index(None, "created_at"),
     )
 
 
@@ -97,9 +99,17 @@ class StoredRow(Base):
         Base.metadata,
         Column("id", _Identifier, primary_key=True),
         *derived_columns(ResultRow, without=LONG_FIELDS),
+        *(Column(name, Text(), nullable=False, server_default="") for name in ("view_key", "technique_key")),
         ForeignKeyConstraint(["run_id"], ["runs.run_id"], ondelete="CASCADE"),
         Index(None, "run_id", "experiment", "case_key", unique=True),
         Index(None, "case_key"),
+        Index(None, "run_id", "outcome"),
+        Index(
+            "ix_rows_leaderboard",
+            *("experiment", "view_key", "technique_key", "machine", "code_version", "measured_at"),
+        ),
+        Index("ix_rows_history", "method", "experiment", "view_key", "measured_at"),
+        Index(None, "quality_key"),
     )
 
 

@@ -13,6 +13,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from shadowbench.rows import LONG_FIELDS, LONG_UNITS, ResultRow, RunRecord
+from shadowbench.store.derived import derived_values
 
 Values = dict[str, Any]
 """Column -> value of one database row."""
@@ -27,7 +28,8 @@ def run_values(run: RunRecord) -> Values:
 
 def row_values(row: ResultRow) -> Values:
     """Return the values of a row's own columns, without the long tables."""
-    return _holdable_values(row, without=LONG_FIELDS)
+    values = _holdable_values(row, without=LONG_FIELDS)
+    return values | derived_values(values)
 
 
 def long_values(row: ResultRow, row_id: int) -> dict[str, list[Values]]:

@@ -21,9 +21,10 @@ from sqlalchemy.orm import Session
 from shadowbench.errors import StoreError, did_you_mean
 from shadowbench.rows import Outcome, ResultRow, RunRecord, RunStatus
 from shadowbench.store.artifacts import ArtifactFolder
-from shadowbench.store.engine import make_engine, store_errors, writing
+from shadowbench.store.engine import make_engine, make_server_engine, server_url, store_errors, writing
+from shadowbench.store.inserting import insert_rows
 from shadowbench.store.models import LONG_MODELS, StoredRow, StoredRun
-from shadowbench.store.records import long_values, row_from, row_values, run_from, run_values
+from shadowbench.store.records import row_from, row_values, run_from, run_values
 from shadowbench.store.schema import ensure_current
 
 DATABASE_NAME = "results.sqlite"
@@ -38,28 +39,48 @@ _ROWS = StoredRow.__table__.c
 class Store:
     """An open results folder. Made by :meth:`open`; closed by :meth:`close` or the end of a ``with`` block."""
 
-    def __init__(self, folder: Path, engine: Engine) -> None:
-        """Use a database that is up to date; everybody else calls :meth:`open`."""
+    def __init__(self, folder: Path, engine: Engine, place: Path | str) -> None:
+        """Use a database that is up to date; everybody else calls :meth:`open`.
+
+        Args:
+            folder: The results folder.
+            engine: The database.
+            place: What messages call it: the file, or the server's address without its password.
+        """
         self.folder = folder
         self.artifacts = ArtifactFolder(folder / "artifacts")
-        self._database = folder / DATABASE_NAME
-        self._engine = engine
+        self.place = place
+        self.engine = engine
 
     @classmethod
-    def open(cls, folder: Path, *, create: bool = True) -> Store:
-        """Open a results folder; an older database in it is upgraded.
+    def open(cls, folder: Path, *, create: bool = True, database: str | None = None) -> Store:
+        """Open a results folder; an older database is upgraded.
 
         Args:
             folder: The results folder.
             create: Make folder and database if they are missing, and demand that they can be written to. Without it a
                 folder that may only be read is opened for reading.
+            database: Address of a PostgreSQL database that holds the runs instead of the folder's SQLite file; pictures
+                and masks are in the folder all the same.
 
         Raises:
             StoreError: The folder or its database is missing, cannot be opened, or belongs to something else.
         """
-        database = folder / DATABASE_NAME
         if folder.exists() and not folder.is_dir():
             raise StoreError(f"{folder}: is a file, not a results folder")
+        if database is not None:
+            return cls._open_server(folder, database)
+        return cls._open_file(folder, folder / DATABASE_NAME, create=create)
+
+    @classmethod
+    def _open_server(cls, folder: Path, address: str) -> Store:
+        url = server_url(address)
+        with store_errors(folder, "make the results folder"):
+            folder.mkdir(parents=True, exist_ok=True)
+        return cls._opened(folder, make_server_engine(url), url.render_as_string(hide_password=True), read_only=False)
+
+    @classmethod
+    def _open_file(cls, folder: Path, database: Path, *, create: bool) -> Store:
         if not create and not database.exists():
             raise StoreError(
                 f"{folder}: holds no results; `shadowbench run` makes some, --results names another folder"
@@ -72,18 +93,21 @@ class Store:
         )
         if read_only and create:
             raise StoreError(f"{folder}: may only be read; give another folder with --results")
-        engine = make_engine(database, read_only=read_only)
+        return cls._opened(folder, make_engine(database, read_only=read_only), database, read_only=read_only)
+
+    @classmethod
+    def _opened(cls, folder: Path, engine: Engine, place: Path | str, *, read_only: bool) -> Store:
         try:
-            with store_errors(database, "open the results"):
-                ensure_current(engine, database, read_only=read_only)
+            with store_errors(place, "open the results"):
+                ensure_current(engine, place, read_only=read_only)
         except BaseException:
             engine.dispose()
             raise
-        return cls(folder, engine)
+        return cls(folder, engine, place)
 
     def close(self) -> None:
         """Close the database; closing twice does no harm."""
-        self._engine.dispose()
+        self.engine.dispose()
 
     def __enter__(self) -> Self:
         """Return the store."""
@@ -96,9 +120,15 @@ class Store:
         self.close()
 
     @contextmanager
-    def _session(self, action: str, *, writes: bool = False) -> Iterator[Session]:
-        engine = writing(self._engine) if writes else self._engine
-        with store_errors(self._database, action), Session(engine) as session, session.begin():
+    def session(self, action: str, *, writes: bool = False) -> Iterator[Session]:
+        """Open one transaction, for the modules of this package; it is committed when the block ends.
+
+        Args:
+            action: What is done, for the message if it fails: ``"add a row"``.
+            writes: Whether it writes; one such transaction at a time is open.
+        """
+        engine = writing(self.engine) if writes else self.engine
+        with store_errors(self.place, action), Session(engine) as session, session.begin():
             yield session
 
     # Runs
@@ -111,7 +141,7 @@ class Store:
         Raises:
             StoreError: The id belongs to a run with another plan, or the record cannot be written.
         """
-        with self._session("record the run", writes=True) as session:
+        with self.session("record the run", writes=True) as session:
             values = run_values(run)
             if run.status is RunStatus.RUNNING:
                 values["finished_at"] = None
@@ -121,7 +151,7 @@ class Store:
             elif known == run.plan_key:
                 session.execute(update(StoredRun).where(_RUNS.run_id == values["run_id"]).values(values))
             else:
-                raise StoreError(f"{self._database}: run '{run.run_id}' is there already and has another plan")
+                raise StoreError(f"{self.place}: run '{run.run_id}' is there already and has another plan")
 
     def finish_run(self, run_id: str, status: RunStatus, finished_at: str | None = None) -> None:
         """Record how and when (by default now) a run ended.
@@ -130,11 +160,11 @@ class Store:
             StoreError: There is no such run, or it cannot be written.
         """
         end = finished_at or dt.datetime.now(dt.UTC).isoformat(timespec="seconds")
-        with self._session("record the run's end", writes=True) as session:
+        with self.session("record the run's end", writes=True) as session:
             values = {"status": RunStatus(status).value, "finished_at": end}
             done = session.execute(update(StoredRun).where(_RUNS.run_id == run_id).values(values))
             if done.rowcount == 0:  # type: ignore[attr-defined]
-                raise StoreError(f"{self._database}: has no run '{run_id}'")
+                raise StoreError(f"{self.place}: has no run '{run_id}'")
 
     def runs(self) -> list[RunRecord]:
         """Return all runs, newest first."""
@@ -173,7 +203,7 @@ class Store:
 
     def _runs(self, *conditions: Any) -> list[RunRecord]:
         newest_first = (_RUNS.created_at.desc(), _RUNS.id.desc())
-        with self._session("read the runs") as session:
+        with self.session("read the runs") as session:
             found = session.execute(select(StoredRun.__table__).where(*conditions).order_by(*newest_first))
             return [run_from(values) for values in found.mappings()]
 
@@ -188,10 +218,10 @@ class Store:
         Raises:
             StoreError: Its run was not started, or the row cannot be written.
         """
-        with self._session("add a row", writes=True) as session:
+        with self.session("add a row", writes=True) as session:
             values = row_values(row)
             if session.execute(select(_RUNS.id).where(_RUNS.run_id == values["run_id"])).scalar() is None:
-                raise StoreError(f"{self._database}: has no run '{row.run_id}' to add a row to")
+                raise StoreError(f"{self.place}: has no run '{row.run_id}' to add a row to")
             same_case = (
                 _ROWS.run_id == values["run_id"],
                 _ROWS.experiment == values["experiment"],
@@ -201,22 +231,22 @@ class Store:
             if earlier is not None:
                 session.execute(delete(StoredRow).where(_ROWS.id == earlier))
                 values["id"] = earlier
-            added = session.execute(insert(StoredRow).values(values).returning(_ROWS.id)).scalar_one()
-            for table, lines in long_values(row, added).items():
-                if lines:
-                    session.execute(insert(LONG_MODELS[table]), lines)
+            insert_rows(session, [row], [values])
 
-    def rows(self, run_id: str, experiment: str | None = None) -> list[ResultRow]:
+    def rows(self, run_id: str, experiment: str | None = None, case_key: str | None = None) -> list[ResultRow]:
         """Return a run's rows in the order in which their cases were first added.
 
         Args:
             run_id: The run's full id; one that is not there has no rows.
             experiment: Only this experiment's rows.
+            case_key: Only the rows of this case, one in each experiment.
         """
         wanted = [_ROWS.run_id == run_id]
         if experiment is not None:
             wanted.append(_ROWS.experiment == experiment)
-        with self._session("read the rows") as session:
+        if case_key is not None:
+            wanted.append(_ROWS.case_key == case_key)
+        with self.session("read the rows") as session:
             long: dict[int, dict[str, list[tuple[str, Any]]]] = {}
             for table, model in LONG_MODELS.items():
                 columns = model.__table__.c  # type: ignore[attr-defined]
@@ -236,13 +266,13 @@ class Store:
         wanted = select(_ROWS.case_key).where(_ROWS.run_id == run_id)
         if experiment is not None:
             wanted = wanted.where(_ROWS.experiment == experiment)
-        with self._session("read the rows") as session:
+        with self.session("read the rows") as session:
             return set(session.execute(wanted).scalars())
 
     def outcome_counts(self, run_id: str) -> dict[Outcome, int]:
         """Return how many of a run's rows have each outcome; outcomes that none has are left out."""
         counted = select(_ROWS.outcome, func.count()).where(_ROWS.run_id == run_id).group_by(_ROWS.outcome)
-        with self._session("count the rows") as session:
+        with self.session("count the rows") as session:
             found = {Outcome(outcome): count for outcome, count in session.execute(counted)}
         return {outcome: found[outcome] for outcome in Outcome if outcome in found}
 

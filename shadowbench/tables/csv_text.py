@@ -52,6 +52,11 @@ def as_csv_tables(tables: Sequence[Table]) -> str:
     return "\n".join(parts)
 
 
+def lines_of(lines: Iterable[Sequence[Any]]) -> str:
+    """Return lines of values as CSV, each made harmless."""
+    return _written([_field(value) for value in line] for line in lines)
+
+
 def _cell(cell: Cell) -> str:
     if cell.outcome is not None:
         return _field(f"{cell.outcome.value}: {cell.reason}" if cell.reason else cell.outcome.value)

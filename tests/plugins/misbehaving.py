@@ -33,6 +33,17 @@ class Raises(_Lit):
         raise ValueError("no tree could be built\nsecond line")
 
 
+class Told(_Lit):
+    """Behaves, and counts what it is told of."""
+
+    name = "told"
+
+    def build(self, casters, light, view, changes, trace):
+        trace.count("instances moved", len(changes.instances))
+        trace.count("light moved", int(changes.light))
+        trace.count("view moved", int(changes.view))
+
+
 class RaisesLater(_Lit):
     name = "raises-later"
     frames = 0
@@ -229,6 +240,52 @@ class Good(_Lit):
 
     class Parameters(ParameterModel):
         level: int = parameter(1, unit="1", help="Makes cases different.", ge=0, le=100)
+
+
+class FickleProcess(_Lit):
+    name = "fickle-process"
+
+    def shade(self, receivers, visibility, trace):
+        super().shade(receivers, visibility, trace)
+        visibility.numpy()[os.getpid() % receivers.count] = 0.0
+
+
+class CountsProcesses(_Lit):
+    name = "counts-processes"
+
+    def build(self, casters, light, view, changes, trace):
+        trace.count("process", os.getpid())
+
+
+class FickleProcessAllowed(FickleProcess):
+    name = "fickle-process-allowed"
+    deterministic = False
+
+
+class FailsAgain(_Lit):
+    name = "fails-again"
+    """Works in the first process that loads it."""
+
+    def __init__(self, parameters, context):
+        super().__init__(parameters, context)
+        mark = os.environ["FAILS_AGAIN_MARK"]
+        if os.path.exists(mark):
+            raise RuntimeError("once was enough")
+        open(mark, "w").close()
+
+
+class Remembers(_Lit):
+    name = "remembers"
+
+    class Parameters(ParameterModel):
+        megabytes: int = parameter(1, unit="MiB", help="What it keeps.", ge=1, le=1000)
+
+    def __init__(self, parameters, context):
+        super().__init__(parameters, context)
+        self.kept = np.ones(parameters.megabytes << 20, np.uint8)
+
+    def build(self, casters, light, view, changes, trace):
+        trace.keep("nothing much", self.kept)
 
 
 class KillsItsParent(_Lit):

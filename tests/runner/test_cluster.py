@@ -30,7 +30,8 @@ METHODS = ("formula", "good:level=1", "unavailable")
 
 MEASURED_BY_MACHINE = {
     *("run_id", "comparison", "measured_at", "rounds", "warnings", "samples", "stages", "compile_ms", "environment"),
-    *("peak_rss_bytes",),
+    *("peak_rss_bytes", "baseline_case", "processes", "ended_by", "warm_up_frames", "build_repeats", "shade_repeats"),
+    *("round_processes", "outlier_rounds"),
 }
 """What differs between two runs beside the times."""
 

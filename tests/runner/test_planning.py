@@ -16,7 +16,7 @@ from shadowbench import experiment
 from shadowbench.errors import ParameterError, PluginError, SceneError, ShadowbenchError, UsageError
 from shadowbench.rows import Outcome
 from shadowbench.runner import planning
-from shadowbench.runner.pool import Pool
+from shadowbench.runner.pool import Pool, Worker
 
 
 def test_a_plan_has_all_parameters_lights_and_keys(tmp_path: Path) -> None:
@@ -67,6 +67,34 @@ def test_editing_a_plugin_changes_the_keys_of_its_own_methods_only(
     monkeypatch.setenv("IMAGINED_VERSION", "2")  # what the method says its library is
     newer = quality_keys()
     assert {method for method in before if newer[method] != after[method]} == {"good"}
+
+
+def test_another_warp_is_another_result_of_everything(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = planned(tmp_path, "formula", "good").cases
+    ask = Worker.ask
+
+    def ask_a_newer_one(worker: Worker, call: str, arguments: dict[str, Any], timeout_s: float) -> Any:
+        answer = ask(worker, call, arguments, timeout_s)
+        return answer | {"warp": "99.0"} if call == "describe_device" else answer
+
+    monkeypatch.setattr(Worker, "ask", ask_a_newer_one)
+    after = planned(tmp_path, "formula", "good").cases
+    assert not {case.quality_key for case in after} & {case.quality_key for case in before}
+
+
+def test_a_file_beside_a_plugin_belongs_to_the_keys_of_its_methods_only(tmp_path: Path) -> None:
+    plugin, helper = tmp_path / "dim.py", tmp_path / "dim_level.py"
+    plugin.write_text(
+        "import dim_level\nfrom shadowbench.method import Method\nclass Dim(Method):\n    name = title = 'dim'\n"
+        "    def build(self, *_): pass\n    def shade(self, receivers, visibility, _): visibility.fill_(dim_level.X)\n"
+    )
+    helper.write_text("X = 0.5\n")
+    files = (*PLUGIN_FILES, plugin)
+    before = planned(tmp_path / "results", "dim", "good", plugin_files=files).cases
+    helper.write_text("X = 0.25\n")
+    after = planned(tmp_path / "results", "dim", "good", plugin_files=files).cases
+    changed = [new.method for old, new in zip(before, after, strict=True) if new.quality_key != old.quality_key]
+    assert changed == ["dim"]
 
 
 def test_no_method_means_every_method(tmp_path: Path) -> None:

@@ -1,13 +1,16 @@
-"""The statistics of rounds, against the binomial distribution and by counting."""
+"""The pace of rounds: their order, when they go on in fresh processes, and when they end."""
+
+from __future__ import annotations
 
 import math
 from collections import Counter
+from typing import Any
 
+import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from shadowbench.runner.rounds import interval_of, order_of, sums
+from shadowbench.runner.rounds import EndedBy, Pace, Step, is_tight, order_of, sums
+from shadowbench.statistics import Verdict, interval_of, judge, paired
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 5, 8])
@@ -24,49 +27,110 @@ def test_over_two_rounds_a_member_everyone_stands_everywhere_twice_and_goes_firs
     assert all(follows[a, b] == follows[b, a] for a, b in follows)
 
 
-@pytest.mark.parametrize(
-    ("count", "low", "high"),
-    [(6, 1, 6), (7, 1, 7), (8, 1, 8), (9, 2, 8), (11, 2, 10), (12, 3, 10), (15, 4, 12), (20, 6, 15), (30, 10, 21)],
-)
-def test_the_interval_is_the_one_of_the_printed_tables_for_a_median(count: int, low: int, high: int) -> None:
-    found = interval_of([float(value) for value in range(count, 0, -1)])
-    assert (found.low, found.high) == (low, high)
-
-
-@pytest.mark.parametrize("count", range(6, 60))
-def test_the_interval_is_the_narrowest_that_holds_the_median_in_95_of_100(count: int) -> None:
-    found = interval_of([float(value) for value in range(1, count + 1)])
-    assert found.low is not None
-    assert found.high == count + 1 - found.low
-
-    def coverage(rank: int) -> float:
-        return 1.0 - 2.0 * sum(math.comb(count, k) for k in range(rank)) / 2.0**count
-
-    assert coverage(int(found.low)) >= 0.95
-    assert coverage(int(found.low) + 1) < 0.95
-
-
-@pytest.mark.parametrize("count", [1, 2, 5])
-def test_fewer_than_six_samples_have_a_median_but_no_interval(count: int) -> None:
-    found = interval_of([1.0] * count)
-    assert (found.median, found.low, found.high) == (1.0, None, None)
-    assert not found.is_tight
-
-
-@given(st.lists(st.floats(0.0, 1e6), min_size=6, max_size=40))
-def test_the_median_lies_in_its_interval_and_order_does_not_matter(samples: list[float]) -> None:
-    found = interval_of(samples)
-    assert found.low is not None
-    assert found.high is not None
-    assert min(samples) <= found.low <= found.median <= found.high <= max(samples)
-    assert found == interval_of(samples[::-1])
-
-
 def test_an_interval_is_tight_within_a_twentieth_or_when_there_is_next_to_nothing_to_time() -> None:
-    assert interval_of([100.0, 96.0, 104.0, 100.0, 99.0, 101.0]).is_tight
-    assert not interval_of([100.0, 90.0, 110.0, 100.0, 99.0, 101.0]).is_tight
-    assert interval_of([0.001, 0.04, 0.002, 0.003, 0.001, 0.002]).is_tight
+    assert is_tight(interval_of([100.0, 96.0, 104.0, 100.0, 99.0, 101.0]))
+    assert not is_tight(interval_of([100.0, 90.0, 110.0, 100.0, 99.0, 101.0]))
+    assert is_tight(interval_of([0.001, 0.04, 0.002, 0.003, 0.001, 0.002]))
+    assert not is_tight(interval_of([1.0] * 5))
 
 
 def test_sums_are_formed_round_by_round() -> None:
     assert sums([1.0, 2.0], [10.0, 20.0], [100.0, 200.0]) == [111.0, 222.0]
+
+
+def _paced(*, round_s: float = 1.0, tight_after: float = math.inf, **changes: Any) -> tuple[list[int], Pace]:
+    """Return the number of rounds in each process, of rounds that all take the same time."""
+    given = {
+        "budget_s": 30.0,
+        "loading_budget_s": 30.0,
+        "loading_s": 2.0,
+        "min_rounds": 6,
+        "max_rounds": 30,
+        "most_processes": 5,
+    }
+    pace = Pace(**(given | changes))
+    rounds = [1]
+    while (step := pace.after_round(round_s, lambda: pace.rounds >= tight_after)) is not Step.END:
+        if step is Step.RENEW:
+            rounds.append(0)
+        rounds[-1] += 1
+        assert sum(rounds) < 1000
+    return rounds, pace
+
+
+def test_rounds_are_divided_evenly_among_the_processes() -> None:
+    rounds, pace = _paced()
+    assert rounds == [6] * 5
+    assert pace.processes == 5
+    assert pace.rounds == 30
+    assert pace.ended_by is EndedBy.ROUNDS
+
+
+def test_every_process_ends_early_once_the_intervals_are_tight() -> None:
+    rounds, pace = _paced(tight_after=6)
+    assert rounds == [6, 3, 3, 3, 3]
+    assert pace.ended_by is EndedBy.INTERVAL
+
+
+def test_the_budget_ends_the_rounds_and_is_shared_by_the_processes() -> None:
+    rounds, pace = _paced(round_s=1.5, budget_s=29.0)
+    assert pace.ended_by is EndedBy.BUDGET
+    assert 1.5 * sum(rounds) <= 29.0
+    assert min(rounds) >= 3
+    assert max(rounds) - min(rounds) <= 1
+
+
+@pytest.mark.parametrize(
+    ("changes", "processes"),
+    [
+        ({"round_s": 4.0}, 2),  # three rounds each take 24 of 30 s
+        ({"round_s": 6.0}, 1),
+        ({"round_s": 100.0}, 1),
+        ({"loading_s": 10.0}, 4),
+        ({"loading_s": 31.0}, 1),
+        ({"loading_budget_s": 1.0}, 1),
+        ({"most_processes": 2}, 2),
+        ({"max_rounds": 6}, 2),
+        ({"max_rounds": 1, "min_rounds": 1}, 1),
+    ],
+)
+def test_there_are_as_many_processes_as_the_budgets_hold(changes: dict[str, Any], processes: int) -> None:
+    rounds, pace = _paced(**changes)
+    assert len(rounds) == pace.processes == processes
+    assert all(rounds)
+
+
+def test_a_round_longer_than_the_budget_is_still_one_round() -> None:
+    rounds, pace = _paced(round_s=100.0)
+    assert rounds == [1]
+    assert pace.ended_by is EndedBy.BUDGET
+
+
+def test_one_process_needs_no_more_rounds_than_asked_for() -> None:
+    rounds, pace = _paced(most_processes=1, min_rounds=2, max_rounds=3, tight_after=1)
+    assert rounds == [2]
+    assert pace.ended_by is EndedBy.INTERVAL
+
+
+@pytest.mark.parametrize("layout", [0.0, 0.01])
+def test_stopping_when_intervals_are_tight_does_not_make_differences(layout: float) -> None:
+    """Two equal cases, judged after rounds that end by the rule: simulated, one in twenty may pass for different."""
+    rng = np.random.default_rng(21)
+    found = []
+    for _ in range(600):
+        pace = Pace(budget_s=1e9, loading_budget_s=1e9, loading_s=1.0, min_rounds=6, max_rounds=30, most_processes=5)
+        times: tuple[list[float], list[float]] = [], []
+        processes: list[int] = []
+        shift = rng.normal(0.0, layout, 2)
+        step = Step.ROUND
+        while step is not Step.END:
+            if step is Step.RENEW:
+                shift = rng.normal(0.0, layout, 2)
+            common = rng.normal(0.0, 0.02)
+            for case in (0, 1):
+                times[case].append(math.exp(common + shift[case] + rng.normal(0.0, 0.04)))
+            processes.append(pace.process)
+            step = pace.after_round(1.0, lambda: all(is_tight(interval_of(each)) for each in times))  # noqa: B023
+        found.append(judge([paired(*times, processes)])[0].verdict)
+    declared = sum(verdict is not Verdict.NO_DIFFERENCE for verdict in found)
+    assert declared <= 600 * 0.05 + 3.0 * math.sqrt(600 * 0.05 * 0.95)

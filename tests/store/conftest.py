@@ -15,8 +15,8 @@ RowMaker = Callable[..., ResultRow]
 
 
 @pytest.fixture
-def store(tmp_path: Path) -> Iterator[Store]:
-    with Store.open(tmp_path / "results") as opened:
+def store(tmp_path: Path, database: str | None) -> Iterator[Store]:
+    with Store.open(tmp_path / "results", database=database) as opened:
         yield opened
 
 

@@ -16,8 +16,13 @@ from shadowbench.store import engine as engine_module
 from shadowbench.store.engine import store_errors, writing
 
 
+@pytest.fixture
+def database() -> None:
+    """The tests of this module are about SQLite."""
+
+
 def test_a_connection_has_the_pragmas_that_durability_needs(store: Store) -> None:
-    with store._engine.connect() as connection:
+    with store.engine.connect() as connection:
         pragmas = {
             name: connection.exec_driver_sql(f"PRAGMA {name}").scalar()
             for name in ("journal_mode", "synchronous", "foreign_keys", "busy_timeout")
@@ -28,7 +33,7 @@ def test_a_connection_has_the_pragmas_that_durability_needs(store: Store) -> Non
 
 def test_a_writer_locks_out_other_writers_from_its_beginning_and_no_reader(store: Store, make_run: Any) -> None:
     store.start_run(make_run("before"))
-    with writing(store._engine).begin() as connection:
+    with writing(store.engine).begin() as connection:
         other = sqlite3.connect(store.folder / DATABASE_NAME, timeout=0)
         with closing(other), pytest.raises(sqlite3.OperationalError, match="locked"):
             other.execute("BEGIN IMMEDIATE")
@@ -38,7 +43,7 @@ def test_a_writer_locks_out_other_writers_from_its_beginning_and_no_reader(store
 
 
 def test_a_reader_sees_one_state_throughout_its_transaction(store: Store, make_run: Any) -> None:
-    with store._engine.begin() as reader:
+    with store.engine.begin() as reader:
         count = "SELECT count(*) FROM runs"
         assert reader.exec_driver_sql(count).scalar() == 0
         store.start_run(make_run())
@@ -50,7 +55,7 @@ def test_a_statement_that_fails_undoes_its_whole_transaction(store: Store, make_
     store.start_run(make_run())
 
     def delete_twice() -> None:
-        with writing(store._engine).begin() as connection:
+        with writing(store.engine).begin() as connection:
             connection.exec_driver_sql("DELETE FROM runs")
             connection.exec_driver_sql("DELETE FROM missing")
 
@@ -74,14 +79,14 @@ def test_a_full_disk_loses_nothing_and_the_store_goes_on_when_there_is_room(
 ) -> None:
     store.start_run(make_run())
     store.add_row(make_row("first"))
-    with store._engine.connect() as connection:  # pooled: the next transaction has this connection
+    with store.engine.connect() as connection:  # pooled: the next transaction has this connection
         pages = connection.exec_driver_sql("PRAGMA page_count").scalar()
         connection.exec_driver_sql(f"PRAGMA max_page_count = {pages}")
     with pytest.raises(StoreError, match="the disk is full; make room and run again") as caught:
         store.add_row(make_row("second", stderr_tail="x" * 100_000, samples={"build": [1.0] * 1000}))
     assert "\n" not in str(caught.value)
     assert store.finished_case_keys("run-1") == {"first"}
-    with store._engine.connect() as connection:
+    with store.engine.connect() as connection:
         connection.exec_driver_sql("PRAGMA max_page_count = 1000000")
     store.add_row(make_row("second"))
     assert store.finished_case_keys("run-1") == {"first", "second"}

@@ -35,8 +35,8 @@ def die(*_):
         os.kill(os.getpid(), signal.SIGKILL)
 
 
-event.listen(store._engine, "before_cursor_execute" if sys.argv[3] == "before" else "after_cursor_execute", die)
-event.listen(store._engine, "commit", die)  # before the commit itself
+event.listen(store.engine, "before_cursor_execute" if sys.argv[3] == "before" else "after_cursor_execute", die)
+event.listen(store.engine, "commit", die)  # before the commit itself
 for case in range(20):
     store.add_row(
         ResultRow(

@@ -15,14 +15,17 @@ from sqlalchemy import inspect
 
 from shadowbench import store as store_package
 from shadowbench.rows import LONG_FIELDS, LONG_UNITS, ResultRow, RunRecord
-from shadowbench.store import Store
+from shadowbench.store import (
+    Store,
+    access_models,  # noqa: F401 - registers its tables
+)
 from shadowbench.store.models import LONG_MODELS, Base, StoredRow, StoredRun, derived_columns
 from shadowbench.store.schema import REVISIONS
 
 
 def test_every_field_of_a_row_is_a_column_or_a_long_table() -> None:
     columns = {column.name for column in StoredRow.__table__.columns}
-    assert columns - {"id"} == set(ResultRow.model_fields) - set(LONG_FIELDS)
+    assert columns - {"id", "view_key", "technique_key"} == set(ResultRow.model_fields) - set(LONG_FIELDS)
     assert set(LONG_MODELS) == set(LONG_FIELDS) == set(LONG_UNITS)
 
 
@@ -31,7 +34,7 @@ def test_every_field_of_a_run_is_a_column() -> None:
 
 
 def test_migrations_make_exactly_what_the_models_say(tmp_path: Path) -> None:
-    with Store.open(tmp_path) as store, store._engine.connect() as connection:
+    with Store.open(tmp_path) as store, store.engine.connect() as connection:
         context = MigrationContext.configure(connection, opts={"compare_type": True})
         assert compare_metadata(context, Base.metadata) == []
         for table in Base.metadata.tables.values():

@@ -32,6 +32,8 @@ def _values_of(name: str) -> st.SearchStrategy[Any]:
         "samples": st.dictionaries(NAMES, st.lists(REAL, min_size=1, max_size=3), max_size=2),
         "artifacts": st.dictionaries(NAMES, TEXT, max_size=2),
         "warnings": st.lists(TEXT, max_size=3),
+        "round_processes": st.lists(WHOLE, max_size=3),
+        "outlier_rounds": st.lists(WHOLE, max_size=3),
     }
     if name in long:
         return long[name]

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import os
 import shutil
-import sqlite3
 import stat
 import tempfile
 import threading
 from collections.abc import Iterator
-from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +16,7 @@ import pytest
 from shadowbench.errors import StoreError
 from shadowbench.rows import Outcome, RunStatus
 from shadowbench.store import DATABASE_NAME, Store
+from shadowbench.store.engine import writing
 
 # Opening
 
@@ -221,8 +220,8 @@ def test_a_case_that_is_added_again_takes_its_own_place(store: Store, make_run: 
     for row in (first, make_row("b"), again, again):
         store.add_row(row)
     assert store.rows("run-1") == [again, make_row("b")]
-    with closing(sqlite3.connect(store.folder / DATABASE_NAME)) as connection:
-        left = {t: connection.execute(f"SELECT count(*) FROM {t}").fetchone()[0] for t in ("counters", "samples")}
+    with store.engine.connect() as connection:
+        left = {t: connection.exec_driver_sql(f"SELECT count(*) FROM {t}").scalar() for t in ("counters", "samples")}
     assert left == {"counters": 1, "samples": 1}
 
 
@@ -266,8 +265,8 @@ def test_sql_in_names_is_text(store: Store, make_run: Any, make_row: Any) -> Non
 def test_a_row_that_this_version_cannot_read_is_one_line(store: Store, make_run: Any, make_row: Any) -> None:
     store.start_run(make_run())
     store.add_row(make_row())
-    with closing(sqlite3.connect(store.folder / DATABASE_NAME)) as connection, connection:
-        connection.execute("UPDATE rows SET outcome = 'levitated'")
+    with writing(store.engine).begin() as connection:
+        connection.exec_driver_sql("UPDATE rows SET outcome = 'levitated'")
     with pytest.raises(StoreError, match="cannot read the rows: 'outcome' 'levitated'") as caught:
         store.rows("run-1")
     assert "\n" not in str(caught.value)

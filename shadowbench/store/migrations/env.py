@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from alembic import context
 
+from shadowbench.store import access_models  # noqa: F401 - registers its tables
 from shadowbench.store.models import Base
 
 context.configure(

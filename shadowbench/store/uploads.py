@@ -1,0 +1,132 @@
+"""Whole runs into the store: all of a run or nothing of it, and again as often as one likes.
+
+Used by ``import`` and by the service. A run comes with a digest of its documents. The same run with the same digest
+changes nothing; with another digest it takes the earlier one's place, if the same token uploaded that.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+from sqlalchemy import delete, insert, select
+from sqlalchemy.orm import Session
+
+from shadowbench.errors import StoreError
+from shadowbench.rows import ResultRow, RunRecord
+from shadowbench.store.access_models import StoredAudit, StoredUpload
+from shadowbench.store.documents import artifact_names, row_document, run_document
+from shadowbench.store.inserting import insert_rows
+from shadowbench.store.models import StoredRun
+from shadowbench.store.records import row_values, run_values
+from shadowbench.store.results import Store
+
+IMPORTED = "import"
+"""Stands where a token would for runs that came from a file."""
+
+
+class Kept(StrEnum):
+    """What became of a run that was put into the store."""
+
+    CREATED = "created"
+    REPLACED = "replaced"
+    UNCHANGED = "unchanged"
+
+
+class ConflictError(StoreError):
+    """The run is there already and is somebody else's, or was measured here."""
+
+
+class MissingArtifactsError(StoreError):
+    """Pictures or masks that the rows name are not in the store.
+
+    Attributes:
+        names: Their names.
+    """
+
+    def __init__(self, names: Sequence[str]) -> None:
+        super().__init__(f"{len(names)} pictures or masks are not in the store, {names[0]} first")
+        self.names = list(names)
+
+
+@dataclass(frozen=True)
+class Uploader:
+    """Who puts a run into the store: a token's id, and the address that it came from."""
+
+    token_id: str
+    address: str = ""
+    may_replace: bool = False
+    """Whether runs may be replaced that another token uploaded, or that were measured here."""
+
+
+def digest_of(run: RunRecord, rows: Sequence[ResultRow]) -> str:
+    """Return the SHA-256 of a run's documents, the same on every machine."""
+    found = hashlib.sha256(_line(run_document(run)))
+    for row in rows:
+        found.update(_line(row_document(row)))
+    return found.hexdigest()
+
+
+def put_run(store: Store, run: RunRecord, rows: Sequence[ResultRow], uploader: Uploader) -> Kept:
+    """Keep a run and all its rows in one transaction; on the disk before this returns.
+
+    Raises:
+        MissingArtifactsError: Not all pictures and masks are there.
+        ConflictError: The run is another's, see above.
+        StoreError: It cannot be written.
+    """
+    missing = missing_artifacts(store, artifact_names(rows))
+    if missing:
+        raise MissingArtifactsError(missing)
+    digest = digest_of(run, rows)
+    # made beforehand: the time in which nobody else can write is short
+    own, others = run_values(run), [row_values(row) for row in rows]
+    with store.session("keep the run", writes=True) as session:
+        kept = _make_room(session, run.run_id, digest, uploader)
+        if kept is Kept.UNCHANGED:
+            return kept
+        session.execute(insert(StoredRun).values(own))
+        insert_rows(session, rows, others)
+        upload = {"run_id": run.run_id, "digest": digest, "token_id": uploader.token_id, "uploaded_at": now()}
+        session.execute(insert(StoredUpload).values(upload))
+        add_to_audit(session, f"run {kept.value}", run.run_id, uploader, f"{len(rows)} rows, sha256 {digest}")
+    return kept
+
+
+def missing_artifacts(store: Store, names: Sequence[str]) -> list[str]:
+    """Return those of the names that the store has no file for."""
+    return [name for name in names if not store.artifacts.path(name).is_file()]
+
+
+def add_to_audit(session: Session, action: str, subject: str, uploader: Uploader, detail: str = "") -> None:
+    """Add a line to the audit trail, in the transaction of what it tells of."""
+    line = {"at": now(), "action": action, "subject": subject, "token_id": uploader.token_id}
+    session.execute(insert(StoredAudit).values(line | {"address": uploader.address, "detail": detail}))
+
+
+def now() -> str:
+    """Return the time, ISO 8601, UTC."""
+    return dt.datetime.now(dt.UTC).isoformat(timespec="seconds")
+
+
+def _make_room(session: Session, run_id: str, digest: str, uploader: Uploader) -> Kept:
+    table = StoredRun.__table__
+    if session.execute(select(table.c.id).where(table.c.run_id == run_id)).scalar() is None:
+        return Kept.CREATED
+    earlier = session.get(StoredUpload, run_id)
+    if earlier is not None and earlier.digest == digest:
+        return Kept.UNCHANGED
+    if not uploader.may_replace and (earlier is None or earlier.token_id != uploader.token_id):
+        whose = "was measured here" if earlier is None else "was uploaded with another token"
+        raise ConflictError(f"run '{run_id}' is there already with other content, and {whose}")
+    session.execute(delete(StoredRun).where(table.c.run_id == run_id))
+    session.expunge_all()
+    return Kept.REPLACED
+
+
+def _line(document: object) -> bytes:
+    return json.dumps(document, sort_keys=True, separators=(",", ":"), allow_nan=False).encode("ascii") + b"\n"

@@ -1,0 +1,42 @@
+"""Databases for tests of the store and of what stands on it."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import postgresql_server
+import pytest
+
+from shadowbench.store import Store
+
+_numbers = itertools.count()
+
+
+@pytest.fixture(scope="session")
+def postgresql() -> Iterator[Callable[[], str]]:
+    """Return a function that makes a database on a server of this session and returns its address."""
+    with postgresql_server.running() as address:
+        from sqlalchemy import create_engine
+
+        Store.open(Path(), database=address.format("postgres")).close()
+        # what is copied for each test: the schema, made once
+        engine = create_engine(
+            address.format("template1").replace("postgresql://", "postgresql+psycopg://"), isolation_level="AUTOCOMMIT"
+        )
+
+        def make() -> str:
+            name = f"test{next(_numbers)}"
+            with engine.connect() as connection:
+                connection.exec_driver_sql(f"CREATE DATABASE {name} TEMPLATE postgres")
+            return address.format(name)
+
+        yield make
+        engine.dispose()
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def database(request: pytest.FixtureRequest) -> str | None:
+    """Return the address of an empty database for a store; ``None`` lets it have its own file."""
+    return None if request.param == "sqlite" else request.getfixturevalue("postgresql")()
