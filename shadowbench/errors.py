@@ -11,6 +11,7 @@
     │   └── ParameterError
     ├── StoreError              a results folder that cannot be read or written
     │   └── StorageFullError    there is no room left where it lies
+    ├── ClusterError            a cluster that cannot be reached or used
     └── InvalidResultError      a method broke its contract (outcome *invalid*)
 
 A message says what was wrong, where, and what would be right. :func:`did_you_mean` writes the last part.
@@ -58,6 +59,10 @@ class StoreError(ShadowbenchError):
 
 class StorageFullError(StoreError):
     """There is no room left where results are kept; what was kept before is intact."""
+
+
+class ClusterError(ShadowbenchError):
+    """A cluster that cannot be reached, refuses the work, or went away."""
 
 
 class InvalidResultError(ShadowbenchError):

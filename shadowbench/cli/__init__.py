@@ -18,6 +18,7 @@
     token.py        token create, list, revoke
     compare.py      compare
     check.py        check
+    worker.py       worker, scheduler
     doctor.py       doctor; machine_checks.py has what it looks at
 
 Commands import what they need when they run: ``shadowbench --help`` must not wait for NumPy or Warp.

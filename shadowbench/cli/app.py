@@ -18,6 +18,7 @@ from shadowbench.cli.results import report, table
 from shadowbench.cli.run import run
 from shadowbench.cli.token import app as token_app
 from shadowbench.cli.transfer import backup, export_, import_, restore
+from shadowbench.cli.worker import scheduler, worker
 
 _EPILOG = (
     "Exit status: 0 all cases ok or skipped, 1 some case failed, 2 bad usage or a bad file, 70 a fault of shadowbench, "
@@ -69,3 +70,5 @@ app.command("import")(import_)
 app.command()(backup)
 app.command()(restore)
 app.add_typer(token_app, name="token")
+app.command()(worker)
+app.command()(scheduler)

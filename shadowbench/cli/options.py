@@ -36,6 +36,26 @@ PluginOption = Annotated[
     typer.Option("--plugin", metavar="FILE.py", help="A file with methods or scenes of your own; may be repeated."),
 ]
 
+TlsCaOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--tls-ca",
+        metavar="FILE",
+        envvar="SHADOWBENCH_TLS_CA",
+        help="The authority behind all certificates (PEM).",
+    ),
+]
+
+TlsCertOption = Annotated[
+    Path | None,
+    typer.Option("--tls-cert", metavar="FILE", envvar="SHADOWBENCH_TLS_CERT", help="This side's certificate (PEM)."),
+]
+
+TlsKeyOption = Annotated[
+    Path | None,
+    typer.Option("--tls-key", metavar="FILE", envvar="SHADOWBENCH_TLS_KEY", help="The certificate's key (PEM)."),
+]
+
 RunArgument = Annotated[
     str,
     typer.Argument(

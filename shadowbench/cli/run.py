@@ -23,13 +23,21 @@ from shadowbench.cli import completion
 from shadowbench.cli.console import complain, err, plain, put, reserved_stdout
 from shadowbench.cli.exit_status import ExitStatus
 from shadowbench.cli.interruption import ended_like_ctrl_c
-from shadowbench.cli.options import DEFAULT_RESULTS, PluginOption, ResultsOption
+from shadowbench.cli.options import (
+    DEFAULT_RESULTS,
+    PluginOption,
+    ResultsOption,
+    TlsCaOption,
+    TlsCertOption,
+    TlsKeyOption,
+)
 from shadowbench.errors import ShadowbenchError
 
 if TYPE_CHECKING:
     from shadowbench.experiment import Experiment
     from shadowbench.rows import ResultRow, RunRecord
     from shadowbench.runner import Plan
+    from shadowbench.runner.cases import ClusterAccess
     from shadowbench.store import Store
 
 DEFAULT_EXPERIMENT = "quick"
@@ -117,6 +125,17 @@ def run(
     memory_limit: Annotated[
         float | None, typer.Option("--memory-limit", metavar="GIB", help="Memory at which a worker is stopped [GiB].")
     ] = None,
+    cluster: Annotated[
+        str | None,
+        typer.Option(
+            "--cluster",
+            metavar="ADDRESS",
+            help="Have the workers of this scheduler measure, like tcp://127.0.0.1:8786.",
+        ),
+    ] = None,
+    tls_ca: TlsCaOption = None,
+    tls_cert: TlsCertOption = None,
+    tls_key: TlsKeyOption = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Print the planned cases and measure nothing.")] = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="One result row a line on standard output, as each case ends.")
@@ -147,6 +166,7 @@ def run(
         "budget_s": _positive("--budget", budget),
         "memory_limit_bytes": None if memory_limit is None else int(_positive("--memory-limit", memory_limit) * _GIB),
     }
+    access = None if cluster is None else _cluster_access(cluster, tls_ca, tls_cert, tls_key)
     asked = experiments_of(experiment or [], choices)
     options = RunOptions(
         results=results,
@@ -154,6 +174,7 @@ def run(
         fresh=fresh,
         plugin_files=tuple(plugin or ()),
         argv=("shadowbench", *(context.obj or ())),
+        cluster=access,
         **{name: value for name, value in given.items() if value is not None},
     )
     with ended_like_ctrl_c(), reserved_stdout() if as_json else nullcontext() as stream:
@@ -178,6 +199,19 @@ def experiments_of(names: Sequence[str], choices: dict[str, Any]) -> list[Experi
     if not names and (choices["methods"] or choices["scenes"]):
         return [from_options(**choices)]
     return [with_options(load_one(name), **choices) for name in expanded(names or (DEFAULT_EXPERIMENT,))]
+
+
+def _cluster_access(address: str, ca: Path | None, cert: Path | None, key: Path | None) -> ClusterAccess:
+    """Return the access that options name; nothing is connected yet.
+
+    Raises:
+        UsageError: It cannot be one, or the optional package is missing.
+    """
+    from shadowbench.runner.cases import ClusterAccess
+    from shadowbench.runner.cluster.access import checked_access, require_distributed
+
+    require_distributed()
+    return checked_access(ClusterAccess(address, ca, cert, key))
 
 
 def _measure(planned: Plan, results: Path, stream: TextIO | None) -> ExitStatus:

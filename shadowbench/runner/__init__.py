@@ -11,6 +11,8 @@
     members.py      what is timed in a block, and what it gave         parent
     rounds.py       balanced order, fresh processes, stop rule         parent
     row_making.py   what was found -> result row                       parent
+    finished.py     which cases have their row already                 parent
+    cluster/        comparisons handed to other machines               parent
     pool.py         worker processes: start, ask, watch, kill          parent
     protocol.py     what the two sides say to each other               both
     cache.py        memory-mapped worlds, receivers, references        both

@@ -5,17 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from shadowbench.rows import Outcome, ResultRow, RunRecord
-from shadowbench.runner.cases import Case, Observer, Obstacle, RunOptions
+from shadowbench.runner.cases import Case, Observer, Obstacle, RowKeeper, RunOptions
 from shadowbench.runner.pool import Pool, Worker
 from shadowbench.runner.protocol import CaseFailure
 from shadowbench.runner.reuse import KnownQuality
 from shadowbench.runner.row_making import ended_row
-
-if TYPE_CHECKING:
-    from shadowbench.store import Store
 
 OWN_WORK_TIMEOUT_S = 3600.0
 """For what runs no plugin: receivers, reference and camera pass, with the compilation of their kernels."""
@@ -40,7 +37,7 @@ class Bench:
     pool: Pool
     options: RunOptions
     run: RunRecord
-    store: Store
+    store: RowKeeper
     observer: Observer
     pictures: Path
     known_quality: KnownQuality | None = None

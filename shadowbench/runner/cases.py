@@ -7,6 +7,7 @@ can hand a case to a worker process.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -16,6 +17,25 @@ from shadowbench.rows import Outcome, ResultRow
 
 if TYPE_CHECKING:
     from shadowbench.experiment import Experiment
+
+
+DEFAULT_BUDGET_S = 30.0
+
+
+@dataclass(frozen=True)
+class ClusterAccess:
+    """Where the scheduler of a cluster listens, and what proves who one is.
+
+    Attributes:
+        address: ``HOST:PORT``, ``tcp://HOST:PORT`` or ``tls://HOST:PORT``.
+        tls_ca, tls_cert, tls_key: Files in PEM format: the authority that signed everybody's certificate, this
+            process's certificate, and its key. All three or none.
+    """
+
+    address: str
+    tls_ca: Path | None = None
+    tls_cert: Path | None = None
+    tls_key: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -38,6 +58,7 @@ class RunOptions:
         fresh: Measure again what an earlier run of the same plan has finished, and take no quality over.
         plugin_files: Files given with ``--plugin``.
         argv: The command line, for the record.
+        cluster: Whose workers measure; ``None`` for this machine.
     """
 
     results: Path = Path("shadowbench-results")
@@ -52,6 +73,7 @@ class RunOptions:
     fresh: bool = False
     plugin_files: tuple[Path, ...] = ()
     argv: tuple[str, ...] = ()
+    cluster: ClusterAccess | None = None
 
     @property
     def cache(self) -> Path:
@@ -165,6 +187,21 @@ class Plan:
     def cases(self) -> tuple[Case, ...]:
         """All cases, in the order in which they run."""
         return tuple(case for comparison in self.comparisons for case in comparison)
+
+    def budget_s(self, cases: Sequence[Case]) -> float:
+        """Return the time for the rounds of a comparison [s]."""
+        own = {experiment.name: experiment.budget_s for experiment in self.experiments}
+        return self.options.budget_s or own[cases[0].experiment] or DEFAULT_BUDGET_S
+
+
+class RowKeeper(Protocol):
+    """Where rows and pictures go: the store, or the way to it from another machine."""
+
+    def add_row(self, row: ResultRow) -> None:
+        """Keep a row."""
+
+    def put_artifact(self, content: bytes, suffix: str) -> str:
+        """Keep a picture and return its name in the store."""
 
 
 class Observer(Protocol):

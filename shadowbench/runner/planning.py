@@ -75,6 +75,16 @@ def plan(experiments: Sequence[Experiment], options: RunOptions) -> Plan:
     )
 
 
+def resolve_again(pool: Pool, options: RunOptions, cases: Sequence[Case]) -> list[Case]:
+    """Return what cases planned on another machine are on this one; their scenes are then in this one's cache.
+
+    Raises:
+        ShadowbenchError: As for :func:`plan`.
+    """
+    with _Resolver(pool, options) as resolver:
+        return [resolver.again(case) for case in cases]
+
+
 def _without_repeats(comparisons: list[list[Case]]) -> tuple[tuple[Case, ...], ...]:
     """Keep the first of equal cases of an experiment, and number the comparisons that are left."""
     seen: set[tuple[str, str]] = set()
@@ -174,11 +184,20 @@ class _Resolver:
             view, obstacle = self._view(*scene, light, camera, picture, moving)
             grouped.append(
                 [
-                    self._case(experiment, view, obstacle, method, values, thread_count)
+                    self._case(experiment.name, view, obstacle, method, values, thread_count)
                     for method, values in configurations
                 ]
             )
         return grouped
+
+    def again(self, case: Case) -> Case:
+        """Return what a case planned elsewhere is on this machine: its keys, libraries and obstacle."""
+        view = case.view
+        name = view.scene_parameters["path"] if Choice(view.scene).is_mesh_file else view.scene
+        seen = (view.light, view.camera, picture_of(view), view.moving)
+        found, obstacle = self._view(name, view.scene_parameters, *seen)
+        here = self._case(case.experiment, found, obstacle, case.method, case.method_parameters, case.threads)
+        return replace(here, comparison=case.comparison)
 
     def _view(
         self,
@@ -218,7 +237,7 @@ class _Resolver:
 
     def _case(
         self,
-        experiment: Experiment,
+        experiment: str,
         view_and_parameters: tuple[View, dict[str, Any]],
         obstacle: Obstacle | None,
         method: str,
@@ -245,7 +264,7 @@ class _Resolver:
             }
         )
         return Case(
-            experiment=experiment.name,
+            experiment=experiment,
             comparison=0,
             view=view,
             method=method,

@@ -149,18 +149,14 @@ def measured_row(
     )
 
 
-def _common(case: Case, run: RunRecord) -> dict[str, Any]:
+def case_columns(case: Case) -> dict[str, Any]:
+    """Return the columns that tell a case from the others of its run, on whatever machine it is measured."""
     view = case.view
     return {
-        "run_id": run.run_id,
         "experiment": case.experiment,
-        "case_key": case.case_key,
-        "quality_key": case.quality_key,
         "scene": view.scene,
         "scene_parameters": view.scene_parameters,
-        "triangles": view.triangles,
         "method": case.method,
-        "method_title": case.method_title,
         "method_parameters": case.method_parameters,
         "light": view.light,
         "camera": view.camera,
@@ -171,7 +167,17 @@ def _common(case: Case, run: RunRecord) -> dict[str, Any]:
         "moving": view.moving,
         "device": case.device,
         "threads": case.threads,
-        "warnings": list(view.notes),
+    }
+
+
+def _common(case: Case, run: RunRecord) -> dict[str, Any]:
+    return case_columns(case) | {
+        "run_id": run.run_id,
+        "case_key": case.case_key,
+        "quality_key": case.quality_key,
+        "triangles": case.view.triangles,
+        "method_title": case.method_title,
+        "warnings": list(case.view.notes),
         "machine": run.machine,
         "environment": run.environment | {"libraries": run.environment.get("libraries", {}) | case.libraries},
         "code_version": run.code_version,

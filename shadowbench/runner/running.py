@@ -14,7 +14,7 @@ import json
 import os
 import secrets
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -23,11 +23,12 @@ from typing import TYPE_CHECKING, Any
 from shadowbench.errors import StoreError
 from shadowbench.experiment import Experiment
 from shadowbench.identity import code_version, environment, machine, plugin_origin
-from shadowbench.rows import Outcome, RunRecord, RunStatus
+from shadowbench.rows import RunRecord, RunStatus
 from shadowbench.runner.bench import Bench
 from shadowbench.runner.cache import Cache
-from shadowbench.runner.cases import Case, Observer, Plan, SilentObserver
+from shadowbench.runner.cases import Observer, Plan, SilentObserver
 from shadowbench.runner.comparison import measure_comparison
+from shadowbench.runner.finished import Finished
 from shadowbench.runner.pool import Pool, default_memory_limit
 from shadowbench.runner.reuse import KnownQuality
 from shadowbench.runner.row_making import now
@@ -35,7 +36,6 @@ from shadowbench.runner.row_making import now
 if TYPE_CHECKING:
     from shadowbench.store import Store
 
-DEFAULT_BUDGET_S = 30.0
 CACHE_BYTES = 4 << 30
 """What the cache of worlds, receivers and references is cut back to after a run."""
 
@@ -114,12 +114,15 @@ def _definition(experiment: Experiment, plan: Plan) -> dict[str, Any]:
 
 
 def _measure(plan: Plan, store: Store, record: RunRecord, observer: Observer) -> None:
-    finished = {(row.experiment, row.case_key): row.outcome for row in store.rows(record.run_id)}
-    remaining = [case for case in plan.cases if (case.experiment, case.case_key) not in finished]
-    observer.planned(plan, len(remaining))
+    finished = Finished(plan, store.rows(record.run_id))
+    observer.planned(plan, len(finished.left(plan.cases)))
     if finished:
         observer.note(f"going on with run {record.run_id}")
-    budgets = {experiment.name: experiment.budget_s or DEFAULT_BUDGET_S for experiment in plan.experiments}
+    if plan.options.cluster is not None:
+        from shadowbench.runner.cluster.handing import measure_on_cluster
+
+        measure_on_cluster(plan, store, record, observer, finished)
+        return
     options = plan.options
     with (
         tempfile.TemporaryDirectory(prefix="shadowbench-") as pictures,  # outlives the workers that write to it
@@ -128,18 +131,9 @@ def _measure(plan: Plan, store: Store, record: RunRecord, observer: Observer) ->
         known = KnownQuality(store, only_run=record.run_id if options.fresh else None)
         bench = Bench(pool, options, record, store, observer, Path(pictures), known)
         for cases in plan.comparisons:
-            left = [case for case in cases if (case.experiment, case.case_key) not in finished]
+            left = finished.left(cases)
             if left:
-                budget_s = options.budget_s or budgets[cases[0].experiment]
-                measure_comparison(bench, left, _baseline(cases, finished), budget_s)
-
-
-def _baseline(cases: Sequence[Case], finished: Mapping[tuple[str, str], Outcome]) -> Case | None:
-    """Return the first case of a comparison that was or may yet be measured well."""
-    for case in cases:
-        if case.obstacle is None and finished.get((case.experiment, case.case_key), Outcome.OK) is Outcome.OK:
-            return case
-    return None
+                measure_comparison(bench, left, finished.baseline(cases), plan.budget_s(cases))
 
 
 @contextmanager

@@ -201,7 +201,8 @@ def _read_calls(asks: int, calls: queue.SimpleQueue[bytes]) -> None:
     os._exit(0)  # the runner is gone, or wants no more; the main thread may be in an endless loop
 
 
-def _die_with_parent() -> None:
+def die_with_parent() -> None:
+    """Have the kernel kill this process when the thread that started it ends (Linux)."""
     if sys.platform == "linux":
         parent = os.getppid()
         ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
@@ -219,7 +220,7 @@ def _limit_memory(byte_limit: int) -> None:
 
 def main() -> None:
     """Serve on the descriptors named on the command line."""
-    _die_with_parent()
+    die_with_parent()
     faulthandler.enable()  # a crash, or SIGABRT at a timeout, prints where it was
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     asks, answers = int(sys.argv[1]), int(sys.argv[2])

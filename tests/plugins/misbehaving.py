@@ -286,3 +286,34 @@ class Remembers(_Lit):
 
     def build(self, casters, light, view, changes, trace):
         trace.keep("nothing much", self.kept)
+
+
+class KillsItsParent(_Lit):
+    """For the cluster, where the parent is not the runner itself."""
+
+    name = "kills-its-parent"
+
+    def shade(self, receivers, visibility, trace):
+        os.kill(os.getppid(), signal.SIGKILL)
+        time.sleep(1000)
+
+
+class TellsItsThreads(_Lit):
+    name = "tells-its-threads"
+
+    def shade(self, receivers, visibility, trace):
+        super().shade(receivers, visibility, trace)
+        trace.count("threads for libraries", int(os.environ["OMP_NUM_THREADS"]))
+
+
+class Slow(_Lit):
+    """Takes its time, so that something can happen meanwhile."""
+
+    name = "slow"
+
+    class Parameters(ParameterModel):
+        seconds: float = parameter(0.5, unit="s", help="Of a frame.", gt=0.0, le=100.0)
+
+    def shade(self, receivers, visibility, trace):
+        super().shade(receivers, visibility, trace)
+        time.sleep(self.parameters.seconds)
