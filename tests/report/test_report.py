@@ -244,6 +244,17 @@ def test_the_folder_keeps_what_others_put_there_and_loses_what_an_earlier_report
     assert "view-1-case-1-failures.png" in names
 
 
+def test_a_pivots_groups_stand_once_above_their_columns(store: Store, run: RunRecord, add: Add) -> None:
+    for resolution in (256, 512):
+        add(method_parameters={"resolution": resolution})
+    layout = {"title": "T", "index": ["method"], "columns": "resolution", "values": ["build_ms", "shade_ms"]}
+    pivoted = run.model_copy(update={"definitions": [{"name": "quick", "tables": [layout]}]})
+    page = report.html(store, pivoted)
+    groups = [a["colspan"] for tag, a in read(page).elements if tag == "th" and a.get("scope") == "colgroup"]
+    assert groups == ["2", "2"]
+    assert page.count("resolution=512</th>") == 1
+
+
 def test_claims_stand_with_their_experiment(store: Store, run: RunRecord, add: Add) -> None:
     add()
     test = {"value": "shade_ms", "of": {"method": "esm"}, "relation": "less than", "number": 1.0}
