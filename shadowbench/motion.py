@@ -98,13 +98,13 @@ def moment_before(now: Moment, moving: str) -> tuple[Moment, Changes]:
 
 
 def _stepped(world: World, number: int) -> Instance:
-    """Return an instance a step nearer to the middle of the world along x and z, turned."""
-    instance = world.instances[number]
+    """Return an instance as authored, but a step nearer to the middle of the world along x and z, and turned."""
     low, high = (np.asarray(bound, np.float64) for bound in world.bounds())
-    away = (low + high) / 2.0 - np.asarray(instance.translation)
+    away = (low + high) / 2.0 - np.asarray(world.instances[number].translation)
     length = math.sqrt(away[0] ** 2 + away[2] ** 2)
     step = STEP * world.diagonal()
     along = (away[0] / length, away[2] / length) if length > step else (1.0, 0.0)
+    instance = world.authored[number]
     x, y, z = instance.translation
     return replace(
         instance,

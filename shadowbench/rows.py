@@ -88,6 +88,14 @@ class ResultRow(BaseModel):
     )
     self_hit: str = Field("", description="how the method keeps a surface from shadowing itself")
     visibility_digest: str = Field("", description="hash of the visibility's bits: equal digests, equal pictures")
+    changed_count: int | None = _column(
+        "most receivers that changed between two repeats, of a method that need not repeat its bits", "receivers"
+    )
+    quality_run: str = Field(
+        "",
+        description="run that took the measures, counters and pictures, where it was an earlier one with the same"
+        " quality key and the same bits; empty: this one",
+    )
 
     rounds: int | None = _column("timed rounds", "rounds")
     processes: int | None = _column(

@@ -16,6 +16,7 @@
     writing.py      what --output does
     transfer.py     export, import, backup, restore
     token.py        token create, list, revoke
+    compare.py      compare
     check.py        check
     doctor.py       doctor; machine_checks.py has what it looks at
 

@@ -9,6 +9,7 @@ import typer
 from shadowbench import __version__
 from shadowbench.cli.check import check
 from shadowbench.cli.claims import claims
+from shadowbench.cli.compare import compare
 from shadowbench.cli.doctor import doctor
 from shadowbench.cli.exit_status import ExitStatus
 from shadowbench.cli.listing import list_names, show
@@ -60,6 +61,7 @@ app.command()(table)
 app.command()(claims)
 app.command()(pareto)
 app.command()(report)
+app.command()(compare)
 app.command()(check)
 app.command()(doctor)
 app.command("export")(export_)

@@ -52,6 +52,16 @@ def claim_failures(incomplete: str) -> list[str]:
     return _offered(_claim_failures, incomplete)
 
 
+def comparison_formats(incomplete: str) -> list[str]:
+    """Complete a comparison's format."""
+    return _offered(_comparison_formats, incomplete)
+
+
+def change_kinds(incomplete: str) -> list[str]:
+    """Complete what ``compare --fail-on`` can name."""
+    return _offered(_change_kinds, incomplete)
+
+
 def costs(incomplete: str) -> list[str]:
     """Complete a column that can be a cost."""
     return _offered(_costs, incomplete)
@@ -116,6 +126,18 @@ def _movings() -> Iterable[str]:
     from shadowbench.choices import MOVING
 
     return MOVING
+
+
+def _comparison_formats() -> Iterable[str]:
+    from shadowbench.tables.comparison_text import COMPARISON_FORMATS
+
+    return COMPARISON_FORMATS
+
+
+def _change_kinds() -> Iterable[str]:
+    from shadowbench.tables.comparing import Kind
+
+    return Kind
 
 
 def _lists() -> Iterable[str]:

@@ -228,6 +228,7 @@ class CaseHost:
             "self_hit": self._method.self_hit_rule(),
             "view_dependent": self._method.is_view_dependent(),
             "visibility_digest": self._first_digest,
+            "changed_count": None if self._method.deterministic else self._changed_count,
             "peak_rss_bytes": self._peak,
             "warnings": self._warnings,
         }

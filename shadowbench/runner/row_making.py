@@ -120,6 +120,7 @@ def measured_row(
         comparison=comparison,
         self_hit=measured["self_hit"],
         visibility_digest=measured["visibility_digest"],
+        changed_count=measured["changed_count"],
         baseline_case=baseline_case,
         rounds=len(timing.shade),
         processes=len(set(timing.processes)),

@@ -19,7 +19,7 @@ from shadowbench.errors import StoreError
 from shadowbench.rows import ResultRow, RunRecord, RunStatus
 from shadowbench.store.artifacts import ARTIFACT_NAME
 
-RUN_ID = r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}"
+RUN_ID = r"[A-Za-z0-9][A-Za-z0-9_-]{0,99}"
 """What a run may be called where others read it: it stands in addresses and names of files."""
 
 MOST_ROWS = 20_000
@@ -77,7 +77,7 @@ def run_from_document(document: Any, place: str = "run") -> RunRecord:
     """
     run = _read(RunRecord, document, place)
     if not re.fullmatch(RUN_ID, run.run_id):
-        raise DocumentError(f"{place}.run_id", "is not 1 to 100 letters, digits, '.', '_' or '-'")
+        raise DocumentError(f"{place}.run_id", "is not 1 to 100 letters, digits, '_' or '-'")
     return run
 
 

@@ -109,6 +109,7 @@ class StoredRow(Base):
             *("experiment", "view_key", "technique_key", "machine", "code_version", "measured_at"),
         ),
         Index("ix_rows_history", "method", "experiment", "view_key", "measured_at"),
+        Index(None, "quality_key"),
     )
 
 

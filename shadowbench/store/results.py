@@ -233,16 +233,19 @@ class Store:
                 values["id"] = earlier
             insert_rows(session, [row], [values])
 
-    def rows(self, run_id: str, experiment: str | None = None) -> list[ResultRow]:
+    def rows(self, run_id: str, experiment: str | None = None, case_key: str | None = None) -> list[ResultRow]:
         """Return a run's rows in the order in which their cases were first added.
 
         Args:
             run_id: The run's full id; one that is not there has no rows.
             experiment: Only this experiment's rows.
+            case_key: Only the rows of this case, one in each experiment.
         """
         wanted = [_ROWS.run_id == run_id]
         if experiment is not None:
             wanted.append(_ROWS.experiment == experiment)
+        if case_key is not None:
+            wanted.append(_ROWS.case_key == case_key)
         with self.session("read the rows") as session:
             long: dict[int, dict[str, list[tuple[str, Any]]]] = {}
             for table, model in LONG_MODELS.items():

@@ -17,6 +17,7 @@
     claim_groups.py claim_tests.py claims.py claims_text.py    claims answered: a test's cases, one test, all of a run
     pareto.py pareto_tables.py    cost against quality: which methods no other beats on both, and as tables
     frames.py     a pandas DataFrame for notebooks
+    matching.py comparing.py changed_times.py    two runs, case by case; comparison_text.py writes it
 
 Reads rows and experiments only; imports no Warp and no plugin.
 """

@@ -34,6 +34,7 @@ from shadowbench.tables.layout import (
 )
 from shadowbench.tables.plain_text import LONGEST_NOTE, plain, shortened
 from shadowbench.tables.printed import DIFFERS, KINDS, Kind, header_of, matches, out_of_order, printed_cells
+from shadowbench.tables.quantities import quantity_of
 from shadowbench.tables.table import Cell, Header, Table
 from shadowbench.tables.verdicts import BASELINE, Verdicts, ratio_text
 
@@ -208,7 +209,9 @@ class _Making:
         if row.outcome is Outcome.OK and (name in RATIOS or name in VERDICTS):
             return self.verdict_cell(row, name)
         if row.outcome is Outcome.OK:
-            return Cell(scalar(value_of(row, name)), unit_of(name), interval_of(row, name))
+            found = quantity_of(row, name)
+            bounds = None if found is None or found.is_exact else (found.low, found.high)
+            return Cell(scalar(value_of(row, name)), unit_of(name), interval_of(row, name), bounds=bounds)
         if name != self.layout.values[0]:
             return Cell()
         note = self.reasons.setdefault((row.outcome, row.reason), len(self.reasons) + 1)

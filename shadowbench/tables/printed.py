@@ -3,7 +3,7 @@
 A column of values gets two more where any of its cases has a printed number: that number, and the ratio of ours to it.
 A fourth marks what stands out of the source's order: of the cells of a value along a line, or down a column, the fewest
 (as far as leaving out the worst one first finds them) without which ours and theirs go the same way. Times whose 95 %
-intervals overlap are in no order of ours, nor are equal numbers in theirs.
+intervals overlap, or of which too few rounds were taken, are in no order of ours, nor are equal numbers in theirs.
 """
 
 from __future__ import annotations
@@ -85,6 +85,6 @@ def _is_below(cell: Cell, other: Cell) -> bool:
     """Return whether one number is smaller than another for certain."""
     if not isinstance(cell.value, int | float) or not isinstance(other.value, int | float):
         return False
-    high = cell.value if cell.interval is None else cell.interval[1]
-    low = other.value if other.interval is None else other.interval[0]
+    high = cell.value if cell.bounds is None else cell.bounds[1]
+    low = other.value if other.bounds is None else other.bounds[0]
     return cell.value < other.value and high < low

@@ -51,6 +51,8 @@ class Cell:
         reason: Why, in one line.
         shown: What tables for reading show instead of the value; the name of a measure, say.
         note: Number of the note that gives the reason; 0 for none.
+        bounds: Between which the true value lies for all that is known, where it is no exact one: what orders it. A
+            stage has bounds and no interval; they are without end where too few rounds were taken.
     """
 
     value: Scalar = None
@@ -60,6 +62,7 @@ class Cell:
     reason: str = ""
     note: int = 0
     shown: str = ""
+    bounds: tuple[float, float] | None = None
 
     @property
     def is_failure(self) -> bool:

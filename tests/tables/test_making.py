@@ -16,7 +16,8 @@ from shadowbench import tables
 from shadowbench.errors import ExperimentError, UsageError
 from shadowbench.experiment import Printed, TableLayout
 from shadowbench.rows import Outcome
-from shadowbench.tables.table import Table
+from shadowbench.tables.printed import out_of_order
+from shadowbench.tables.table import Cell, Table
 
 
 def _grid(table: Table, **how: bool) -> list[list[str]]:
@@ -352,6 +353,16 @@ def test_cells_out_of_the_sources_order_are_marked(make_row: Any) -> None:
     assert _marked(_beside(make_row, down, theirs)) == [("a", "resolution=2")]
     missing = {place: value for place, value in along.items() if place != ("a", 1)}
     assert _marked(_beside(make_row, missing, theirs)) == []
+
+
+@settings(max_examples=80, deadline=None)
+@given(pairs=st.lists(st.tuples(st.integers(0, 6), st.integers(0, 6)), max_size=8))
+def test_without_the_marked_cells_ours_and_theirs_go_the_same_way(pairs: list[tuple[int, int]]) -> None:
+    marked = out_of_order([(Cell(ours), Cell(theirs)) for ours, theirs in pairs])
+    left = [pair for place, pair in enumerate(pairs) if place not in marked]
+    assert not any(a[0] < b[0] and a[1] > b[1] for a in left for b in left)
+    opposed = any(a[0] < b[0] and a[1] > b[1] for a in pairs for b in pairs)
+    assert bool(marked) is opposed
 
 
 def test_what_is_equal_or_cannot_be_told_apart_is_in_any_order(make_row: Any) -> None:

@@ -1,7 +1,7 @@
 """Tokens, uploads and the audit trail, and what leaderboards and lists of runs are found by.
 
-Revision ID: 0006
-Revises: 0005
+Revision ID: 0008
+Revises: 0007
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ import json
 import sqlalchemy as sa
 from alembic import op
 
-revision: str = "0006"
-down_revision: str | None = "0005"
+revision: str = "0008"
+down_revision: str | None = "0007"
 branch_labels: str | None = None
 depends_on: str | None = None
 
 _IDENTIFIER = sa.BigInteger().with_variant(sa.Integer(), "sqlite")
-_VIEW = ("scene", "scene_parameters", "light", "camera", "width", "height", "pixel_samples", "layers")
+_VIEW = ("scene", "scene_parameters", "light", "camera", "width", "height", "pixel_samples", "layers", "moving")
 _TECHNIQUE = ("method", "method_parameters", "device", "threads")
 _AT_ONCE = 500
 

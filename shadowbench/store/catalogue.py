@@ -1,0 +1,285 @@
+"""What pages show of many runs: lists, leaderboards and histories, each by queries that an index answers.
+
+Whole rows with their samples are :meth:`Store.rows`'s business; here are the columns that a list shows, of as few rows
+as it shows. Lists of what there is (views of an experiment, its versions) hop along an index from value to value
+instead of reading every row.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy import Row, Select, String, cast, func, literal, or_, select
+from sqlalchemy.orm import Session
+
+from shadowbench.rows import Outcome, ResultRow, RunStatus
+from shadowbench.store.access_models import StoredUpload
+from shadowbench.store.derived import TECHNIQUE_FIELDS, VIEW_FIELDS
+from shadowbench.store.engine import is_sqlite, store_errors
+from shadowbench.store.models import StoredRow, StoredRun
+from shadowbench.store.results import Store
+
+_RUNS = StoredRun.__table__.c
+_ROWS = StoredRow.__table__.c
+
+_BRIEF = ("run_id", "title", "experiments", "created_at", "finished_at", "status", "case_count", "machine")
+
+MEASURES = ("failure_percent", "false_lit_percent", "false_shadow_percent", "acne_percent", "peter_panning_percent")
+"""What a technique gets wrong: the same on every machine."""
+
+LIKENESSES = ("rmse", "ssim", "flip", "leak_mean")
+
+TIMES = ("build_ms", "shade_ms", "static_frame_ms", "dynamic_frame_ms")
+"""What it costs: compared on one machine only."""
+
+_PLACE = ("run_id", "case_key", "technique_key", "machine", "code_version", "measured_at", "outcome", "reason")
+QUALITY_COLUMNS = (*_PLACE, "visibility_digest", *MEASURES, *LIKENESSES)
+TIME_COLUMNS = (*_PLACE, "bytes_kept", *(f"{time}{end}" for time in TIMES for end in ("", "_low", "_high")))
+
+
+@dataclass(frozen=True)
+class RunLine:
+    """A run as a list shows it."""
+
+    run_id: str
+    title: str
+    experiments: list[str]
+    created_at: str
+    finished_at: str | None
+    status: RunStatus
+    case_count: int
+    machine: str
+    code_version: str
+    outcomes: dict[Outcome, int]
+    token_id: str | None
+    """The token that uploaded it; ``None`` for one that was measured here."""
+
+
+@dataclass(frozen=True)
+class RunFilter:
+    """Which runs a list shall have; empty for all."""
+
+    experiment: str = ""
+    method: str = ""
+    machine: str = ""
+    code_version: str = ""
+    status: str = ""
+    search: str = ""
+    """Text that stands, in whatever case, in the id, title, experiments, machine or version."""
+
+
+@dataclass(frozen=True)
+class View:
+    """What rows must share to be compared: a scene, its light, camera and size."""
+
+    view_key: str
+    fields: dict[str, Any]
+
+
+class Catalogue:
+    """Lists of what a store holds."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self._watching: Any = None
+        self._lock = threading.Lock()
+
+    def version(self) -> str:
+        """Return a text that stays the same exactly while nothing in the database changes."""
+        with self._lock, store_errors(self._store.place, "look for changes"):
+            if is_sqlite(self._store.engine):
+                if self._watching is None:  # one connection, which never writes: SQLite tells it of all others'
+                    self._watching = self._store.engine.raw_connection()
+                    self._watching.detach()
+                return str(self._watching.cursor().execute("PRAGMA data_version").fetchone()[0])
+            with self._store.engine.connect() as connection:
+                return str(connection.exec_driver_sql("SELECT pg_current_snapshot()::text").scalar())
+
+    def close(self) -> None:
+        """Let go of the connection that watches for changes."""
+        with self._lock:
+            if self._watching is not None:
+                self._watching.close()
+                self._watching = None
+
+    def runs(self, wanted: RunFilter, *, limit: int, after: str = "") -> list[RunLine]:
+        """Return runs, newest first, from the one behind ``after`` (a run's id) on."""
+        columns = [_RUNS[name] for name in _BRIEF] + [_RUNS.code_version]
+        query = select(*columns, StoredUpload.token_id).outerjoin(StoredUpload, StoredUpload.run_id == _RUNS.run_id)
+        query = _filtered(query, wanted).order_by(_RUNS.created_at.desc(), _RUNS.id.desc()).limit(limit)
+        with self._store.session("list the runs") as session:
+            if after:
+                place = session.execute(select(_RUNS.created_at, _RUNS.id).where(_RUNS.run_id == after)).first()
+                if place is None:
+                    return []
+                same_time = (_RUNS.created_at == place.created_at) & (_RUNS.id < place.id)
+                query = query.where(or_(_RUNS.created_at < place.created_at, same_time))
+            found = [dict(values) for values in session.execute(query).mappings()]
+            counts = _outcomes(session, [values["run_id"] for values in found])
+        return [
+            RunLine(**(values | {"status": RunStatus(values["status"])}), outcomes=counts.get(values["run_id"], {}))
+            for values in found
+        ]
+
+    def count_runs(self, wanted: RunFilter) -> int:
+        """Return how many runs there are."""
+        with self._store.session("count the runs") as session:
+            query = _filtered(select(func.count()).select_from(StoredRun.__table__), wanted)
+            return int(session.execute(query).scalar_one())
+
+    def facets(self) -> dict[str, list[str]]:
+        """Return the machines, versions and experiments of all runs, and the methods of all rows."""
+        with self._store.session("list machines and versions") as session:
+            machines = session.execute(select(_RUNS.machine).distinct().order_by(_RUNS.machine)).scalars()
+            versions = session.execute(select(_RUNS.code_version).distinct().order_by(_RUNS.code_version)).scalars()
+            return {
+                "machine": list(machines),
+                "code_version": list(versions),
+                "experiment": _experiments(session),
+                "method": _values_along_index(session, _ROWS.method),
+            }
+
+    def machines(self) -> list[dict[str, Any]]:
+        """Return each machine with its number of runs, its first and last one, and that one's environment."""
+        counted = (
+            select(
+                _RUNS.machine,
+                func.count().label("runs"),
+                func.min(_RUNS.created_at).label("first"),
+                func.max(_RUNS.created_at).label("last"),
+            )
+            .group_by(_RUNS.machine)
+            .order_by(func.max(_RUNS.created_at).desc())
+        )
+        newest = select(_RUNS.environment, _RUNS.run_id).order_by(_RUNS.created_at.desc(), _RUNS.id.desc()).limit(1)
+        with self._store.session("list the machines") as session:
+            found = [dict(values) for values in session.execute(counted).mappings()]
+            for machine in found:
+                run = session.execute(newest.where(_RUNS.machine == machine["machine"])).one()
+                machine |= {"environment": run.environment, "last_run": run.run_id}
+            return found
+
+    def views(self, experiment: str) -> list[View]:
+        """Return the views of an experiment."""
+        own = _ROWS.experiment == experiment
+        with self._store.session("list the views") as session:
+            found = []
+            for key in _values_along_index(session, _ROWS.view_key, own):
+                one = select(*(_ROWS[name] for name in VIEW_FIELDS)).where(own, _ROWS.view_key == key).limit(1)
+                found.append(View(key, dict(session.execute(one).mappings().one())))
+        return sorted(found, key=lambda view: [str(value) for value in view.fields.values()])
+
+    def standings(
+        self,
+        experiment: str,
+        view_key: str,
+        columns: Sequence[str],
+        *,
+        machine: str = "",
+        versions: Sequence[str] | None = None,
+    ) -> list[Row[Any]]:
+        """Return the newest row of each technique, machine and version in a view.
+
+        Args:
+            experiment: The experiment.
+            view_key: The view.
+            columns: Which columns: :data:`QUALITY_COLUMNS` or :data:`TIME_COLUMNS`.
+            machine: Only this machine's.
+            versions: Only these versions'.
+        """
+        same = (_ROWS.technique_key, _ROWS.machine, _ROWS.code_version)
+        place = func.row_number().over(partition_by=same, order_by=(_ROWS.measured_at.desc(), _ROWS.id.desc()))
+        ranked = select(_ROWS.id, place.label("place")).where(
+            _ROWS.experiment == experiment, _ROWS.view_key == view_key
+        )
+        if machine:
+            ranked = ranked.where(_ROWS.machine == machine)
+        if versions is not None:
+            ranked = ranked.where(_ROWS.code_version.in_(versions))
+        newest = ranked.subquery()
+        wanted = select(newest.c.id).where(newest.c.place == 1)
+        with self._store.session("read the leaderboard") as session:
+            return list(session.execute(select(*(_ROWS[name] for name in columns)).where(_ROWS.id.in_(wanted))).all())
+
+    def places(self, experiment: str, view_key: str) -> list[tuple[str, str, str]]:
+        """Return the machines and versions that a view was measured on and with, and when last."""
+        own = (_ROWS.experiment == experiment, _ROWS.view_key == view_key)
+        last = func.max(_ROWS.measured_at)
+        query = select(_ROWS.machine, _ROWS.code_version, last).where(*own)
+        with self._store.session("list machines and versions") as session:
+            found = session.execute(query.group_by(_ROWS.machine, _ROWS.code_version)).all()
+            return [(machine, version, moment) for machine, version, moment in found]
+
+    def techniques(self, experiment: str, view_key: str) -> dict[str, dict[str, Any]]:
+        """Return the techniques of a view by their keys: title, and the fields that make one."""
+        own = (_ROWS.experiment == experiment, _ROWS.view_key == view_key)
+        columns = [_ROWS[name] for name in ("technique_key", "method_title", *TECHNIQUE_FIELDS)]
+        with self._store.session("list the techniques") as session:
+            found = {}
+            for key in _values_along_index(session, _ROWS.technique_key, *own):
+                one = select(*columns).where(*own, _ROWS.technique_key == key).limit(1)
+                found[key] = dict(session.execute(one).mappings().one())
+            return found
+
+    def history(self, method: str, experiment: str, view_key: str, columns: Sequence[str]) -> list[Row[Any]]:
+        """Return every row of a method in a view, oldest first."""
+        own = (_ROWS.method == method, _ROWS.experiment == experiment, _ROWS.view_key == view_key)
+        query = select(*(_ROWS[name] for name in columns)).where(*own).order_by(_ROWS.measured_at, _ROWS.id)
+        with self._store.session("read the history") as session:
+            return list(session.execute(query).all())
+
+    def experiments_of(self, method: str) -> list[str]:
+        """Return the experiments that a method has rows in."""
+        with self._store.session("list the experiments") as session:
+            return _values_along_index(session, _ROWS.experiment, _ROWS.method == method)
+
+    def views_of(self, method: str, experiment: str) -> list[View]:
+        """Return the views of an experiment that a method has rows in."""
+        own = (_ROWS.method == method) & (_ROWS.experiment == experiment)
+        with self._store.session("list the views") as session:
+            keys = set(_values_along_index(session, _ROWS.view_key, own))
+        return [view for view in self.views(experiment) if view.view_key in keys]
+
+    def row(self, run_id: str, case_key: str, experiment: str = "") -> ResultRow | None:
+        """Return one case of a run with all that belongs to it, ``None`` if there is none."""
+        found = self._store.rows(run_id, experiment or None, case_key)
+        return found[0] if found else None
+
+
+def _filtered(query: Select[Any], wanted: RunFilter) -> Select[Any]:
+    for name in ("machine", "code_version", "status"):
+        if getattr(wanted, name):
+            query = query.where(_RUNS[name] == getattr(wanted, name))
+    for name in ("experiment", "method"):
+        if getattr(wanted, name):
+            own = select(literal(1)).where(_ROWS.run_id == _RUNS.run_id, _ROWS[name] == getattr(wanted, name))
+            query = query.where(own.exists())
+    if wanted.search:
+        texts = (_RUNS.run_id, _RUNS.title, cast(_RUNS.experiments, String), _RUNS.machine, _RUNS.code_version)
+        query = query.where(or_(*(text.icontains(wanted.search, autoescape=True) for text in texts)))
+    return query
+
+
+def _outcomes(session: Session, run_ids: Sequence[str]) -> dict[str, dict[Outcome, int]]:
+    counted = select(_ROWS.run_id, _ROWS.outcome, func.count()).where(_ROWS.run_id.in_(run_ids))
+    found: dict[str, dict[Outcome, int]] = {}
+    for run_id, outcome, count in session.execute(counted.group_by(_ROWS.run_id, _ROWS.outcome)):
+        found.setdefault(run_id, {})[Outcome(outcome)] = count
+    return found
+
+
+def _experiments(session: Session) -> list[str]:
+    lists = session.execute(select(_RUNS.experiments)).scalars()
+    return sorted({name for names in lists for name in names})
+
+
+def _values_along_index(session: Session, column: Any, *conditions: Any) -> list[str]:
+    """Return the different values of a column, hopping along an index whose next column it is."""
+    first = select(func.min(column).label("value")).where(*conditions)
+    hop = first.cte("hop", recursive=True)
+    following = select(func.min(column)).where(*conditions, column > hop.c.value).scalar_subquery()
+    hop = hop.union_all(select(following).where(hop.c.value.is_not(None)))
+    return list(session.execute(select(hop.c.value).where(hop.c.value.is_not(None))).scalars())
