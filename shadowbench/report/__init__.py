@@ -98,14 +98,14 @@ def write_figures(store: Store, run: RunRecord, folder: Path) -> list[Path]:
 def _made(store: Store, run: RunRecord, folder: str) -> tuple[str, Files]:
     import shadowbench
     from shadowbench.report import downloads, page, sections
-    from shadowbench.report.embedding import PicturePool
+    from shadowbench.report.embedding import PicturePool, picture_budget
     from shadowbench.report.full_size import files_of
     from shadowbench.report.summary import summarize
     from shadowbench.report.views import scene_views
     from shadowbench.tables.claims import answer_claims
 
     rows = store.rows(run.run_id)
-    asked = PicturePool(store.artifact)
+    asked = PicturePool(store.artifact, picture_budget(len(rows)))
     views = scene_views(run, rows, asked)
     pool = asked.encode()
     notices = []

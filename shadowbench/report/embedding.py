@@ -22,7 +22,10 @@ from shadowbench.errors import StoreError
 from shadowbench.report.masks import palette_png
 
 PICTURE_BYTES = 8_000_000
-"""What all pictures of one report may take; base64 makes 10.7 MB of it, and 500 cases have 3 MB of text."""
+"""What all pictures of one report may take at most; base64 makes a third more of it."""
+
+_PAGE_BYTES, _CASE_BYTES, _LEAST_BYTES = 14_000_000, 10_000, 1_500_000
+"""A page, all that a case takes besides its pictures, about, and what pictures get in any case [bytes]."""
 
 MAIN_SHARE = 0.8
 """References, results and masks may take so much of it."""
@@ -38,6 +41,12 @@ Size = tuple[int, int]
 
 Masks = tuple[tuple[str, str], ...]
 """(failure class, artifact) pairs."""
+
+
+def picture_budget(case_count: int) -> int:
+    """Return the bytes that the pictures of a report over so many cases may take, so that the page stays small."""
+    left = (_PAGE_BYTES - case_count * _CASE_BYTES) * 3 // 4
+    return min(PICTURE_BYTES, max(_LEAST_BYTES, left))
 
 
 class Priority(IntEnum):

@@ -10,7 +10,9 @@ from __future__ import annotations
 import base64
 import functools
 import hashlib
+import itertools
 import json
+from dataclasses import replace
 from importlib import resources
 from typing import TYPE_CHECKING, Any
 
@@ -25,7 +27,7 @@ from shadowbench.tables.numbers import number_text
 from shadowbench.tables.plain_text import shortened
 
 if TYPE_CHECKING:
-    from shadowbench.tables.table import Cell
+    from shadowbench.tables.table import Cell, Header, Table
 
 SCRIPTS = ("theme.js", "tables.js", "masks.js", "gallery.js", "case.js", "downloads.js")
 """Joined into the page's one script, in this order."""
@@ -88,6 +90,8 @@ def _environment() -> Environment:
         mark=_mark,
         verdict_tone=_verdict_tone,
         verdict_mark=_verdict_mark,
+        header_groups=_header_groups,
+        own_lines=_own_lines,
         sort_value=_sort_value,
         interval=_interval,
         drawn=svg.drawn,
@@ -126,6 +130,17 @@ def _verdict_tone(verdict: Verdict) -> str:
 
 def _verdict_mark(verdict: Verdict) -> str:
     return {Verdict.HOLDS: "\u2713", Verdict.DOES_NOT_HOLD: "\u2715"}.get(verdict, "?")
+
+
+def _header_groups(table: Table) -> list[tuple[str, int]]:
+    """A pivoted table's groups of neighbouring columns, and how many each spans."""
+    groups = itertools.groupby(header.group for header in table.headers)
+    return [(group, len(list(members))) for group, members in groups]
+
+
+def _own_lines(header: Header) -> list[str]:
+    """A heading's lines without its group, which stands above it."""
+    return replace(header, group="").lines()
 
 
 def _sort_value(cell: Cell) -> Markup:

@@ -10,7 +10,7 @@ from PIL import Image
 from stored_rows import mask_png, png
 
 from shadowbench.errors import StoreError
-from shadowbench.report.embedding import LADDER, SMALLEST_FURTHER, PicturePool, Priority
+from shadowbench.report.embedding import LADDER, PICTURE_BYTES, SMALLEST_FURTHER, PicturePool, Priority, picture_budget
 
 
 def decoded(address: str) -> Image.Image:
@@ -113,3 +113,10 @@ def test_lost_artifact_is_told() -> None:
     pool = PicturePool(gone)
     number = pool.picture("a", Priority.REFERENCE)
     assert pool.encode().lost == {number}
+
+
+def test_pictures_give_way_to_the_text_of_many_cases() -> None:
+    budgets = [picture_budget(count) for count in (0, 100, 500, 1000, 100_000)]
+    assert budgets[:2] == [PICTURE_BYTES, PICTURE_BYTES]
+    assert budgets == sorted(budgets, reverse=True)
+    assert budgets[-1] > 1_000_000

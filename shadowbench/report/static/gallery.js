@@ -15,7 +15,6 @@ function picture(number, alt) {
   image.src = pictures[number];
   image.alt = alt;
   image.draggable = false;
-  image.decoding = "async";
   return image;
 }
 // Fill a frame with the case's (or, without one, the view's reference) picture as the state asks.
