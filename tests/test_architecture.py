@@ -19,12 +19,30 @@ ROOMS: dict[str, set[str]] = {
     "receivers": {"scene", "device", "per_device"},
     # device code: knows frames and lights, never a method
     "device": {"errors", "scene", "world", "light_space", "light_space_kernel", "receivers"},
-    "method": {"errors", "scene", "world", "light_space", "light_space_kernel", "receivers", "device"},
-    "depth_map_method": {"method", "parameters", "scene", "world", "light_space", "receivers", "device"},
+    "account": set(),
+    "map_account": {"account", "receivers", "device"},
+    "ray_account": {"account", "scene", "world", "light_space", "receivers", "device"},
+    "method": {"account", "errors", "scene", "world", "light_space", "light_space_kernel", "receivers", "device"},
+    "depth_map_method": {
+        *("account", "map_account", "method", "parameters", "scene", "world", "light_space", "receivers", "device"),
+    },
     "light_picture": set(),
-    "irregular_method": {"method", "light_picture", "receivers", "scene", "world", "device"},
+    "irregular_method": {
+        *("account", "ray_account", "method", "light_picture", "receivers", "scene", "world", "device"),
+    },
     "filtered_map_method": {
-        *("depth_map_method", "method", "parameters", "scene", "world", "light_space", "receivers", "device"),
+        *(
+            "account",
+            "map_account",
+            "depth_map_method",
+            "method",
+            "parameters",
+            "scene",
+            "world",
+            "light_space",
+            "receivers",
+            "device",
+        ),
     },
     "camera_pass": {"errors", "scene", "world", "light_space", "receivers", "device"},
     "reference": {"errors", "scene", "world", "light_space", "receivers", "device"},
@@ -36,6 +54,9 @@ ROOMS: dict[str, set[str]] = {
     "pictures": {"receivers", "reference", "filtered_reference", "scene", "world"},
     "plugins": {"errors", "method", "scene"},
     "methods": {
+        "account",
+        "map_account",
+        "ray_account",
         "errors",
         "parameters",
         "method",
@@ -50,7 +71,8 @@ ROOMS: dict[str, set[str]] = {
     },
     "scenes": {"errors", "parameters", "scene"},
     "contract": {
-        *("errors", "parameters", "method", "camera_pass", "scene", "world", "light_space", "receivers", "device"),
+        *("account", "errors", "parameters", "method", "camera_pass", "scene", "world", "light_space", "receivers"),
+        *("device",),
     },
     # results: read without Warp
     "rows": set(),
@@ -79,6 +101,11 @@ ROOMS: dict[str, set[str]] = {
     "store": {"errors", "rows", "experiment"},
     "tables": {"errors", "rows", "experiment", "metrics", "store"},
     "report": {"errors", "rows", "experiment", "metrics", "store", "tables", "pictures"},
+    "inspection": {
+        *("account", "errors", "parameters", "plugins", "choices", "experiment", "identity", "method", "scene"),
+        *("world", "light_space", "receivers", "reference", "filtered_reference", "metrics", "pictures", "device"),
+        *("rows", "store", "runner"),
+    },
     "cli": {"*"},
 }
 """Each room and the rooms it may import from. Extending this list is a decision: write down why in CONTRIBUTING.md."""

@@ -11,6 +11,7 @@
     progress.py     what a running plan shows
     listing.py      list, show
     results.py      table, report
+    view.py         view; receiver_text.py prints what --pixel finds
     check.py        check
     doctor.py       doctor; machine_checks.py has what it looks at
 

@@ -13,6 +13,7 @@ from shadowbench.cli.exit_status import ExitStatus
 from shadowbench.cli.listing import list_names, show
 from shadowbench.cli.results import report, table
 from shadowbench.cli.run import run
+from shadowbench.cli.view import view
 
 _EPILOG = (
     "Exit status: 0 all cases ok or skipped, 1 some case failed, 2 bad usage or a bad file, 70 a fault of shadowbench, "
@@ -54,5 +55,6 @@ app.command("list")(list_names)
 app.command()(show)
 app.command()(table)
 app.command()(report)
+app.command()(view)
 app.command()(check)
 app.command()(doctor)

@@ -1,0 +1,119 @@
+"""``shadowbench view``: a case seen from near, one receiver of it in numbers or the whole in space."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from shadowbench.cli import completion
+from shadowbench.cli.console import complain, reserved_stdout
+from shadowbench.cli.options import DEFAULT_RESULTS, PluginOption, ResultsOption, open_store
+from shadowbench.errors import UsageError
+
+if TYPE_CHECKING:
+    from shadowbench.inspection.opening import OpenCase
+    from shadowbench.rows import ResultRow
+
+CaseArgument = Annotated[
+    str,
+    typer.Argument(
+        metavar="CASE",
+        help="A case's key or the beginning of it, or RUN:CASE.",
+        autocompletion=completion.cases,
+        show_default=False,
+    ),
+]
+
+
+def view(
+    case: CaseArgument,
+    pixel: Annotated[
+        str | None,
+        typer.Option("--pixel", metavar="X,Y", help="Everything about this pixel's receiver.", show_default=False),
+    ] = None,
+    sample: Annotated[
+        int, typer.Option("--sample", metavar="N", help="Which of the pixel's receivers, from 0.", min=0)
+    ] = 0,
+    as_json: Annotated[bool, typer.Option("--json", help="With --pixel: one JSON value on standard output.")] = False,
+    plugin: PluginOption = None,
+    results: ResultsOption = DEFAULT_RESULTS,
+) -> None:
+    """Look into a case: a pixel's receiver in numbers."""
+    at = None if pixel is None else _pixel(pixel)
+    if at is None:
+        raise UsageError("--pixel X,Y is needed: which receiver to look at")
+    with open_store(results) as store:
+        from shadowbench.inspection.finding import find_case
+
+        row = find_case(store, case)
+    _quieten_warp()
+    with reserved_stdout() as stream:  # kernels and plugins may print
+        opened = _open(row, results, plugin)
+        said = _look(opened, at, sample)
+        if as_json:
+            stream.write(json.dumps(said, allow_nan=False) + "\n")
+            return
+    from shadowbench.cli.receiver_text import show
+
+    for note in opened.notes:
+        complain(f"note: {note}")
+    sys.stdout.flush()
+    show(said)
+
+
+def _quieten_warp() -> None:
+    """Keep Warp from telling which kernels it loads and which devices it lacks."""
+    import warp as wp
+
+    wp.config.log_level = wp.LOG_ERROR
+    kept = os.dup(2)
+    null = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(null, 2)  # its native part writes there whatever the log level
+        wp.init()
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(null)
+
+
+def _open(row: ResultRow, results: Path, plugin: list[Path] | None) -> OpenCase:
+    from shadowbench.inspection.opening import open_case
+
+    return open_case(row, results, tuple(plugin or ()))
+
+
+def _look(opened: OpenCase, at: tuple[int, int], sample: int) -> dict[str, Any]:
+    """Return what is known of a pixel, as JSON values."""
+    from shadowbench.inspection.receiver import nearest_pixel, receiver_at, report_on
+    from shadowbench.rows import method_label
+
+    row, view = opened.row, opened.seen.view
+    said: dict[str, Any] = {
+        "run_id": row.run_id,
+        "case_key": row.case_key,
+        "method": method_label(row.method, row.method_parameters),
+        "view": str(view),
+        "pixel": list(at),
+        "notes": list(opened.notes),
+        "receiver": None,
+    }
+    index = receiver_at(opened.seen, *at, sample)
+    if index is None:
+        said["nearest"] = list(nearest_pixel(opened.seen, *at))
+    else:
+        said["receiver"] = report_on(opened, index).as_json()
+    return said
+
+
+def _pixel(text: str) -> tuple[int, int]:
+    found = re.fullmatch(r"\s*(\d{1,6})\s*,\s*(\d{1,6})\s*", text, re.ASCII)
+    if found is None:
+        raise UsageError(f"--pixel: a pixel is written X,Y from the upper left corner, like 320,240, not '{text}'")
+    return int(found[1]), int(found[2])

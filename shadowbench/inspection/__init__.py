@@ -1,0 +1,11 @@
+"""Looking into a case: everything about one of its receivers, and how its parts lie in the world.
+
+::
+
+    finding.py      which row of the results folder a CASE names
+    opening.py      a row or a choice of scene, light and camera -> world, receivers, truth, and the method's result
+    receiver.py     everything about one pixel's receiver, as plain values
+    verdicts.py     why a receiver fails, in words
+
+Unlike a run, looking happens in this process, with no clock: a plugin that crashes ends the command.
+"""
