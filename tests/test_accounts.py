@@ -9,15 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 from accounts import CONFIGURATIONS, differences, shaded, spread
-from builders import LIGHTS, box, box_over_ground, square
+from builders import LIGHTS, box_over_ground, windows_over_ground
 
 from shadowbench.account import Account, Step, number
 from shadowbench.camera_pass import render
 from shadowbench.contract import account_breaches
 from shadowbench.method import Context, Method
 from shadowbench.receivers import Receivers
-from shadowbench.scene import Camera, Instance, Mesh, Rotation, Scene
-from shadowbench.world import World, place
+from shadowbench.world import World
 
 
 @cache
@@ -28,21 +27,7 @@ def _box() -> tuple[World, Receivers]:
 
 @cache
 def _windows() -> tuple[World, Receivers]:
-    """Turned, translucent and opaque boxes, shared by instances, over a ground."""
-    ground, on_ground = square(3.0)
-    solid, of_solid = box((-0.3, 0.0, -0.3), (0.3, 0.8, 0.3))
-    colours = ((0.0, 0.0, 0.0), (0.2, 0.5, 0.8), (0.9, 0.4, 0.1))
-    boxes = [
-        Instance(1, (x, 0.05, z), rotation=Rotation(angle=angle), transmittance=colours[k % 3])
-        for k, (x, z, angle) in enumerate(((-1, -1, 10), (0, -0.6, 47), (0.8, 0.1, 101), (-0.5, 0.6, 200), (0.3, 1, 0)))
-    ]
-    scene = Scene(
-        meshes=(Mesh("ground", ground, on_ground), Mesh("box", solid, of_solid)),
-        instances=(Instance(0), *boxes),
-        lights=LIGHTS,
-        cameras={"front": Camera((1.5, 2.5, 4.0), (0.0, 0.4, 0.0))},
-    )
-    world = place(scene)
+    world = windows_over_ground()
     return world, render(world, world.cameras["front"], 48, 36, Context())
 
 

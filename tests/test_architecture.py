@@ -104,7 +104,7 @@ ROOMS: dict[str, set[str]] = {
     "inspection": {
         *("account", "errors", "parameters", "plugins", "choices", "experiment", "identity", "method", "scene"),
         *("world", "light_space", "receivers", "reference", "filtered_reference", "metrics", "pictures", "device"),
-        *("rows", "store", "runner"),
+        *("rows", "store", "runner", "light_space_kernel", "depth_map_method"),
     },
     "cli": {"*"},
 }

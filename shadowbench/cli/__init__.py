@@ -12,6 +12,8 @@
     listing.py      list, show
     results.py      table, report
     view.py         view; receiver_text.py prints what --pixel finds
+    export.py       export-scene, score
+    views.py        options of commands that need a scene, a light and a camera
     check.py        check
     doctor.py       doctor; machine_checks.py has what it looks at
 

@@ -10,6 +10,7 @@ from shadowbench import __version__
 from shadowbench.cli.check import check
 from shadowbench.cli.doctor import doctor
 from shadowbench.cli.exit_status import ExitStatus
+from shadowbench.cli.export import export_scene, score
 from shadowbench.cli.listing import list_names, show
 from shadowbench.cli.results import report, table
 from shadowbench.cli.run import run
@@ -56,5 +57,7 @@ app.command()(show)
 app.command()(table)
 app.command()(report)
 app.command()(view)
+app.command("export-scene")(export_scene)
+app.command()(score)
 app.command()(check)
 app.command()(doctor)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import sys
 from pathlib import Path
@@ -11,24 +10,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from shadowbench.cli import completion
 from shadowbench.cli.console import complain, reserved_stdout
 from shadowbench.cli.options import DEFAULT_RESULTS, PluginOption, ResultsOption, open_store
+from shadowbench.cli.views import CaseArgument, quieten_warp
 from shadowbench.errors import UsageError
 
 if TYPE_CHECKING:
     from shadowbench.inspection.opening import OpenCase
     from shadowbench.rows import ResultRow
-
-CaseArgument = Annotated[
-    str,
-    typer.Argument(
-        metavar="CASE",
-        help="A case's key or the beginning of it, or RUN:CASE.",
-        autocompletion=completion.cases,
-        show_default=False,
-    ),
-]
 
 
 def view(
@@ -52,7 +41,7 @@ def view(
         from shadowbench.inspection.finding import find_case
 
         row = find_case(store, case)
-    _quieten_warp()
+    quieten_warp()
     with reserved_stdout() as stream:  # kernels and plugins may print
         opened = _open(row, results, plugin)
         said = _look(opened, at, sample)
@@ -65,22 +54,6 @@ def view(
         complain(f"note: {note}")
     sys.stdout.flush()
     show(said)
-
-
-def _quieten_warp() -> None:
-    """Keep Warp from telling which kernels it loads and which devices it lacks."""
-    import warp as wp
-
-    wp.config.log_level = wp.LOG_ERROR
-    kept = os.dup(2)
-    null = os.open(os.devnull, os.O_WRONLY)
-    try:
-        os.dup2(null, 2)  # its native part writes there whatever the log level
-        wp.init()
-    finally:
-        os.dup2(kept, 2)
-        os.close(kept)
-        os.close(null)
 
 
 def _open(row: ResultRow, results: Path, plugin: list[Path] | None) -> OpenCase:
