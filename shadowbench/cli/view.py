@@ -26,6 +26,16 @@ def view(
         str | None,
         typer.Option("--pixel", metavar="X,Y", help="Everything about this pixel's receiver.", show_default=False),
     ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FILE",
+            help="Without --pixel: a .png or .jpg, or a .html to turn and zoom, instead of a window.",
+            show_default=False,
+        ),
+    ] = None,
     sample: Annotated[
         int, typer.Option("--sample", metavar="N", help="Which of the pixel's receivers, from 0.", min=0)
     ] = 0,
@@ -33,10 +43,16 @@ def view(
     plugin: PluginOption = None,
     results: ResultsOption = DEFAULT_RESULTS,
 ) -> None:
-    """Look into a case: a pixel's receiver in numbers."""
+    """Look into a case: its scene, shadows, failures, light and camera in space, or one pixel's receiver in numbers."""
     at = None if pixel is None else _pixel(pixel)
     if at is None:
-        raise UsageError("--pixel X,Y is needed: which receiver to look at")
+        from shadowbench.inspection.showing import must_be_possible
+
+        if as_json or sample:
+            raise UsageError("--json and --sample need --pixel X,Y")
+        must_be_possible(output)
+    elif output is not None:
+        raise UsageError("--output is of the view in space: it goes without --pixel")
     with open_store(results) as store:
         from shadowbench.inspection.finding import find_case
 
@@ -44,6 +60,10 @@ def view(
     quieten_warp()
     with reserved_stdout() as stream:  # kernels and plugins may print
         opened = _open(row, results, plugin)
+        if at is None:
+            _show_in_space(opened, output)
+            stream.write("" if output is None else f"{output}\n")
+            return
         said = _look(opened, at, sample)
         if as_json:
             stream.write(json.dumps(said, allow_nan=False) + "\n")
@@ -60,6 +80,15 @@ def _open(row: ResultRow, results: Path, plugin: list[Path] | None) -> OpenCase:
     from shadowbench.inspection.opening import open_case
 
     return open_case(row, results, tuple(plugin or ()))
+
+
+def _show_in_space(opened: OpenCase, output: Path | None) -> None:
+    from shadowbench.inspection.showing import show
+    from shadowbench.inspection.space import laid_out
+
+    for note in opened.notes:
+        complain(f"note: {note}")
+    show(*laid_out(opened), output)
 
 
 def _look(opened: OpenCase, at: tuple[int, int], sample: int) -> dict[str, Any]:

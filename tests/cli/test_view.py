@@ -64,6 +64,9 @@ def test_a_pixel_of_the_sky_is_told_with_the_nearest_that_is_not(capsys: pytest.
         ("latest:", ("--pixel", "1,1"), "named by its key"),
         ("", ("--pixel", "1,1"), "named by its key"),
         ("{key}", ("--pixel", "1x1"), "X,Y"),
+        ("{key}", ("--pixel", "1,1", "-o", "a.png"), "without --pixel"),
+        ("{key}", ("--json",), "need --pixel"),
+        ("{key}", ("-o", "a.gif"), ".png, .jpg or .html"),
     ],
 )
 def test_wrong_usage_is_one_line(
@@ -74,6 +77,13 @@ def test_wrong_usage_is_one_line(
     assert ended.status == 2
     (line,) = ended.err.splitlines()
     assert message in line
+
+
+def test_the_case_in_space_is_a_page(command: Callable[..., Any], case: tuple[Path, ResultRow], tmp_path: Path) -> None:
+    folder, row = case
+    ended = command("view", row.case_key, "-o", "view.html", "--results", str(folder))
+    assert (ended.status, ended.out, ended.err) == (0, "view.html\n", "")
+    assert "<canvas" in (tmp_path / "view.html").read_text()
 
 
 def test_a_case_that_was_not_measured_has_nothing_to_view(command: Callable[..., Any], results: Path) -> None:
