@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -15,6 +16,7 @@ import warp as wp
 from numpy.typing import NDArray
 from pydantic import BaseModel, ValidationError
 
+from shadowbench.account import Account
 from shadowbench.camera_pass import render
 from shadowbench.choices import EVERYTHING, MOVING
 from shadowbench.errors import ShadowbenchError
@@ -38,6 +40,12 @@ from shadowbench.world import World, place
 
 WIDTH, HEIGHT = 96, 72
 """Size of the trial picture [pixels]."""
+
+MOST_ROUNDING = 1.0 / 255.0
+"""What an account may be off, if it says so."""
+
+_ACCOUNTS = 12
+"""Receivers whose accounts are asked for, evenly from the darkest to the most lit."""
 
 
 def trial_world() -> World:
@@ -183,6 +191,29 @@ def filter_breaches(kernel: Any, on_map: Any, receivers: Receivers) -> Iterator[
         yield f"exact_on_map() has shape {np.shape(on_map)}, not one value for each of {receivers.count} receivers"
 
 
+def account_breaches(account: Any, visibility: NDArray[np.float32]) -> Iterator[str]:
+    """Yield what is wrong with an account of one receiver.
+
+    Args:
+        account: What :meth:`~shadowbench.method.Method.account` returned.
+        visibility: What ``shade()`` wrote for the receiver: one number or three.
+    """
+    if account is None:
+        return
+    if not isinstance(account, Account):
+        yield f"account() returns a {type(account).__name__}, not an Account or None"
+        return
+    told, written = np.atleast_1d(account.visibility).astype(np.float64), np.atleast_1d(visibility).astype(np.float64)
+    if not 0.0 <= account.rounding <= MOST_ROUNDING:
+        yield f"account() states a rounding of {account.rounding:g}, more than {MOST_ROUNDING:g}"
+    elif told.shape != written.shape or not (np.abs(told - written) <= account.rounding).all():
+        yield f"account() ends in a visibility of {account.visibility}, but shade() wrote {visibility.tolist()}"
+    try:
+        json.dumps(account.as_json(), allow_nan=False)
+    except (TypeError, ValueError) as error:
+        yield f"account() holds something else than plain values: {error}"
+
+
 def _run(
     cls: type[Method],
     parameters: BaseModel,
@@ -206,10 +237,24 @@ def _run(
         method.build(world.casters, light, now.view(WIDTH, HEIGHT), changes, trace)
         method.shade(receivers, visibility, trace)
         method.explain(receivers, trace)
-        breaches = filter_breaches(method.kernel(receivers), method.exact_on_map(receivers), receivers)
-        return visibility.numpy().copy(), trace, list(breaches)
+        breaches = list(filter_breaches(method.kernel(receivers), method.exact_on_map(receivers), receivers))
+        written = visibility.numpy().copy()
+        if threads == 1:
+            breaches += _breaches_of_accounts(method, receivers, written)
+        return written, trace, breaches
     finally:
         method.close()
+
+
+def _breaches_of_accounts(method: Method, receivers: Receivers, written: NDArray[np.float32]) -> list[str]:
+    """Ask for the accounts of some receivers of every kind of visibility that there is."""
+    valid = np.flatnonzero(receivers.valid)
+    by_visibility = valid[np.argsort(written.reshape(len(written), -1)[valid, 0], kind="stable")]
+    asked = by_visibility[np.linspace(0, len(by_visibility) - 1, min(_ACCOUNTS, len(by_visibility))).astype(int)]
+    found: dict[str, None] = {}
+    for index in asked.tolist():
+        found |= dict.fromkeys(account_breaches(method.account(receivers, index), written[index]))
+    return list(found)
 
 
 def check_scene(cls: type[ScenePlugin], parameters: BaseModel | None = None) -> list[str]:

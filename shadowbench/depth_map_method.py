@@ -6,7 +6,7 @@ maps for, drawing them, and what is counted and kept is the same for all.
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import warp as wp
@@ -22,6 +22,10 @@ from shadowbench.parameters import ParameterModel, parameter
 from shadowbench.receivers import Receivers
 from shadowbench.scene import Light, RectangularLight
 from shadowbench.world import Casters, World
+
+if TYPE_CHECKING:
+    from shadowbench.account import Step
+    from shadowbench.map_account import MapPlace
 
 MAP_COUNTERS = {
     "triangles drawn": "casters' triangles times the number of maps",
@@ -88,3 +92,18 @@ class DepthMapMethod(Method):
         if kernel is None:
             return None
         return percentage_closer(self.lookup, receivers, kernel, self.parameters.bias, self.context)
+
+    def account_before_test(self, receiver: Receivers, width: int) -> tuple[MapPlace, list[Step]]:
+        """Return where one receiver is in its map, and the steps that all look-ups begin with.
+
+        Args:
+            receiver: One receiver (:meth:`Receivers.only`).
+            width: Of the technique's footprint [texels].
+        """
+        from shadowbench.map_account import place_in_map, place_step, stored_step
+
+        place = place_in_map(self.lookup, receiver, self.context)
+        if place.state >= 0:
+            return place, []
+        stored = stored_step(self.lookup, place, width, self.parameters.bias, self.context)
+        return place, [place_step(place, self.parameters.resolution), stored]

@@ -16,9 +16,11 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
+import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 from pydantic import field_validator
 
 from shadowbench.depth_map_method import MAP_COUNTERS, DepthMapMethod, DepthMapParameters
@@ -33,6 +35,10 @@ from shadowbench.parameters import parameter
 from shadowbench.receivers import Receivers
 from shadowbench.scene import Light, PointLight
 from shadowbench.world import Casters, World
+
+if TYPE_CHECKING:
+    from shadowbench.account import Account, Step
+    from shadowbench.map_account import LookedUp
 
 FILTERED_COUNTERS = {
     **MAP_COUNTERS,
@@ -175,6 +181,54 @@ class FilteredMapMethod(DepthMapMethod):
                 context=self.context,
             )
         trace.count("texels looked up", int(texels.numpy().sum()))
+
+    def channel_names(self) -> tuple[str, ...]:
+        """Return what each value of a texel is called in an account."""
+        return ("stored",)
+
+    def account_of_mean(self, receiver: Receivers, averaged: LookedUp) -> tuple[Step, float] | None:
+        """Return the step from a receiver's mean to its visibility, for :meth:`account`; ``None`` has none.
+
+        Args:
+            receiver: One receiver, not known without a look-up.
+            averaged: The texels that its look-up averages.
+        """
+        return None
+
+    def tell(
+        self,
+        kernel: wp.Kernel,
+        receiver: Receivers,
+        value_count: int,
+        *,
+        arguments: Sequence[Any],
+        bias: float | None = None,
+    ) -> NDArray[np.float32]:
+        """Launch a kernel that takes what :meth:`look_up`'s does on one receiver; return the values that it writes."""
+        values = wp.zeros(value_count, dtype=wp.float32, device=self.context.device)
+        points = pixel_points(receiver.on(self.context.device))
+        taken_off = self.parameters.bias if bias is None else bias
+        chain = self.chain
+        inputs = [self.lookup, points, taken_off, chain.values, chain.layout, self.sampling, *arguments]
+        launch(kernel, 1, inputs=inputs, outputs=[values], context=self.context)
+        found: NDArray[np.float32] = values.numpy()
+        return found
+
+    def account(self, receivers: Receivers, index: int) -> Account | None:
+        from shadowbench.account import Account
+        from shadowbench.map_account import known_account, looked_up
+
+        p, receiver = self.parameters, receivers.only(index)
+        place, steps = self.account_before_test(receiver, p.kernel)
+        if place.state >= 0:
+            return known_account(place)
+        averaged = looked_up(
+            self.lookup, receiver, self.chain, self.sampling, p.slope_bias, self.channel_names(), self.context
+        )
+        told = self.account_of_mean(receiver, averaged)
+        if told is None:
+            return None
+        return Account((*steps, averaged.step, told[0]), told[1])
 
     def kernel(self, receivers: Receivers) -> LightSpaceKernel | None:
         """Return the window on level 0, which a magnified map is filtered with.

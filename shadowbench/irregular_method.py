@@ -14,6 +14,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from shadowbench.account import Account
 from shadowbench.device.blocker_bins import Transmittances, transmittances_of
 from shadowbench.device.light_samples import LightSamples, WindowSamples
 from shadowbench.device.placed_triangles import TriangleBatch
@@ -108,6 +109,12 @@ class IrregularMethod(Method, Generic[Counts]):
             self.report(self._rasterizer, counts, trace)
         trace.keep_bytes("windows of the receivers", self._samples.kept_bytes)
         trace.keep_bytes(f"{self.structure_title} and lists of triangles", self._rasterizer.kept_bytes)
+
+    def account(self, receivers: Receivers, index: int) -> Account:
+        """Tell which triangles cover the receiver in the light's window: the predicate is the ground truth's."""
+        from shadowbench.ray_account import exact_account
+
+        return exact_account(self._casters, self._light, receivers, index, self.context)
 
     def explain(self, receivers: Receivers, trace: Trace) -> None:
         """Draw the samples in the light's image plane and the structure over them (paper, Figures 2b and 4)."""

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel
 
+from shadowbench.account import Account
 from shadowbench.device.launch import Context, synchronize
 from shadowbench.light_space import Frame
 from shadowbench.light_space_kernel import LightSpaceKernel
@@ -28,7 +29,7 @@ from shadowbench.world import Casters, World
 if TYPE_CHECKING:
     import warp as wp
 
-__all__ = ["Changes", "Context", "LightSpaceKernel", "Method", "Trace", "View"]
+__all__ = ["Account", "Changes", "Context", "LightSpaceKernel", "Method", "Trace", "View"]
 
 
 @dataclass(frozen=True)
@@ -219,6 +220,22 @@ class Method(ABC):
 
         Shape [receiver_count], or ``None`` where there is no kernel or no depth map. Not timed, called after the last
         round.
+        """
+        return None
+
+    def account(self, receivers: Receivers, index: int) -> Account | None:
+        """Return how the visibility of one receiver came about: the technique's formula with its numbers.
+
+        Not timed, called after ``shade()``, for a valid receiver. The account's visibility must be what ``shade()``
+        wrote for it, to within the rounding that the account states. Look up with the functions that ``shade()`` looks
+        up with, or the two will drift apart. Kernels for this alone are imported here, so that no run compiles them.
+
+        Args:
+            receivers: The visible samples, as ``shade()`` had them.
+            index: Which one.
+
+        Returns:
+            ``None`` where the technique has nothing to tell.
         """
         return None
 

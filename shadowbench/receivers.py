@@ -8,7 +8,7 @@ Warp array that :meth:`Receivers.on` returns.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -66,6 +66,19 @@ class Receivers:
     def count(self) -> int:
         """Number of receivers."""
         return len(self.pixel)
+
+    def only(self, index: int) -> Receivers:
+        """Return one receiver alone, as number 0, in the same picture."""
+        chosen: dict[str, Any] = {
+            name: np.ascontiguousarray(getattr(self, name)[index : index + 1])
+            for name in (
+                *("pixel", "layer", "weight", "alpha", "position", "normal", "instance", "triangle"),
+                *("position_dx", "position_dy", "valid"),
+            )
+        }
+        first_of_pixel = np.zeros_like(self.first_of_pixel)
+        first_of_pixel[self.pixel[index] + 1 :] = 1
+        return replace(self, **chosen, first_of_pixel=first_of_pixel)
 
     def on(self, device: str) -> DeviceReceivers:
         """Return the arrays that kernels read, as Warp arrays (zero-copy on the CPU)."""

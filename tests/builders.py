@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.receivers import Receivers
-from shadowbench.scene import Camera, DirectionalLight, Instance, Light, Mesh, PointLight, Scene, SpotLight
+from shadowbench.scene import Camera, DirectionalLight, Instance, Light, Mesh, PointLight, Rotation, Scene, SpotLight
 from shadowbench.world import World, place
 
 
@@ -42,6 +42,26 @@ def box_over_ground(*, lift: float = 0.0, lights: dict[str, Light] | None = None
             meshes=(Mesh("ground", ground, on_ground), Mesh("box", solid, of_solid)),
             instances=(Instance(0), Instance(1)),
             lights=lights or LIGHTS,
+            cameras={"front": Camera((1.5, 2.5, 4.0), (0.0, 0.4, 0.0))},
+        )
+    )
+
+
+def windows_over_ground() -> World:
+    """Turned boxes, opaque and translucent, that share a mesh, over a ground."""
+    ground, on_ground = square(3.0)
+    solid, of_solid = box((-0.3, 0.0, -0.3), (0.3, 0.8, 0.3))
+    colours = ((0.0, 0.0, 0.0), (0.2, 0.5, 0.8), (0.9, 0.4, 0.1))
+    places = ((-1.0, -1.0, 10.0), (0.0, -0.6, 47.0), (0.8, 0.1, 101.0), (-0.5, 0.6, 200.0), (0.3, 1.0, 0.0))
+    boxes = [
+        Instance(1, (x, 0.05, z), rotation=Rotation(angle=angle), transmittance=colours[k % 3])
+        for k, (x, z, angle) in enumerate(places)
+    ]
+    return place(
+        Scene(
+            meshes=(Mesh("ground", ground, on_ground), Mesh("box", solid, of_solid)),
+            instances=(Instance(0), *boxes),
+            lights=LIGHTS,
             cameras={"front": Camera((1.5, 2.5, 4.0), (0.0, 0.4, 0.0))},
         )
     )

@@ -17,11 +17,12 @@ of that with mip levels, all of them filtered and looked up.
 from __future__ import annotations
 
 import math
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import warp as wp
 
+from shadowbench.account import Quantity, Step, Table, number
 from shadowbench.device.arrays import as_warp
 from shadowbench.device.depth_encodings import encode_fourier_terms
 from shadowbench.filtered_map_method import FilteredMapMethod, FilteredMapParameters
@@ -29,6 +30,9 @@ from shadowbench.method import Trace
 from shadowbench.methods.csm.kernels import look_up_bytes, look_up_floats
 from shadowbench.parameters import parameter
 from shadowbench.receivers import Receivers
+
+if TYPE_CHECKING:
+    from shadowbench.map_account import LookedUp
 
 
 class CsmParameters(FilteredMapParameters):
@@ -61,9 +65,51 @@ class ConvolutionShadowMaps(FilteredMapMethod):
 
     def shade(self, receivers: Receivers, visibility: wp.array[Any], trace: Trace) -> None:
         p = self.parameters
-        kernel, unit, zero = (look_up_floats, 1.0, 0.0) if p.basis == "float" else (look_up_bytes, 2.0 / 255.0, 1.0)
+        kernel = look_up_floats if p.basis == "float" else look_up_bytes
+        self.look_up(kernel, receivers, [visibility], trace, arguments=self._arguments(), bias=p.bias + p.offset)
+
+    def _arguments(self) -> tuple[wp.array[Any], float, float]:
+        """Return the terms' scales, and the unit and the zero of what is stored."""
+        p = self.parameters
+        unit, zero = (1.0, 0.0) if p.basis == "float" else (2.0 / 255.0, 1.0)
         k = np.arange(1, p.terms + 1)
         damped = 2.0 / (math.pi * (2 * k - 1)) * np.exp(-p.attenuation * (k / p.terms) ** 2)
-        scales = as_warp(damped.astype(np.float32), wp.float32, self.context.device)
-        arguments = [scales, unit, zero]
-        self.look_up(kernel, receivers, [visibility], trace, arguments=arguments, bias=p.bias + p.offset)
+        return as_warp(damped.astype(np.float32), wp.float32, self.context.device), unit, zero
+
+    def channel_names(self) -> tuple[str, ...]:
+        return tuple(f"sin {k}" for k in range(1, min(self.parameters.terms, 3) + 1))
+
+    def account_of_mean(self, receiver: Receivers, averaged: LookedUp) -> tuple[Step, float]:
+        from shadowbench.methods.csm.account_kernels import tell_bytes, tell_floats
+
+        p, (scales, unit, zero) = self.parameters, self._arguments()
+        kernel = tell_floats if p.basis == "float" else tell_bytes
+        told = self.tell(
+            kernel, receiver, 4 + 2 * p.terms, arguments=(scales, unit, zero), bias=p.bias + p.offset
+        ).astype(np.float64)
+        depth, _, series, result = (float(value) for value in told[:4])
+        stored = self.chain.values.numpy()[averaged.index[:, None] + np.arange(2 * p.terms)]
+        mean = averaged.weight @ stored.astype(np.float64) * unit - zero
+        # a stored value v stands for unit v - zero; the constant holds what the zeros add up to
+        weight = told[4:] / unit
+        sine, cosine = weight[: p.terms] * mean[: p.terms], weight[p.terms :] * mean[p.terms :]
+        terms = tuple(
+            (
+                k + 1,
+                math.pi * (2 * k + 1),
+                *(float(part[k]) for part in (mean[: p.terms], mean[p.terms :], sine + cosine)),
+            )
+            for k in range(p.terms)
+        )
+        quantities = (
+            Quantity("receiver depth d, less bias and offset", depth, "depth"),
+            Quantity("offset", p.offset, "depth"),
+            Quantity("terms", p.terms),
+            Quantity("sum of the terms", float((sine + cosine).sum())),
+        )
+        formula = (
+            f"series = 1/2 + sum of the terms = {number(series)}",
+            f"visibility = clamp(series) = {number(result)}",
+        )
+        columns = ("k", "c_k", "mean sin(c_k z)", "mean cos(c_k z)", "term")
+        return Step("Fourier series of the depth test", quantities, formula, Table("terms", columns, terms)), result

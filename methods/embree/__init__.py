@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from shadowbench.account import Account, Quantity, Step, plain
 from shadowbench.device.processors import confined_to
 from shadowbench.device.rays import OffsetRays
 from shadowbench.light_space import is_in_field_of_view
@@ -160,6 +161,31 @@ class Embree(Method):
         for _ in self._pool.map(trace_block, range(0, count, size)):
             pass
         return blocked
+
+    def account(self, receivers: Receivers, index: int) -> Account:
+        receiver = receivers.only(index)
+        if not is_in_field_of_view(self._light, receiver.position)[0]:
+            return Account((Step("known without a ray", formula=("outside the light's cone: shadowed",)),), 0.0)
+        rays = OffsetRays(receiver, self._light, self._offset, self.context)
+        origin, towards, reach = (a.numpy() for a in (rays.origin, rays.towards, rays.reach))
+        is_blocked = bool(self._are_blocked(origin, towards, reach)[0])
+        ray = Step(
+            "shadow ray",
+            (
+                Quantity("offset along the normal", self._offset, "scene units"),
+                Quantity("origin", plain(origin[0]), "scene units"),
+                Quantity("towards the light", plain(towards[0])),
+                Quantity("reach along it", float(reach[0])),
+            ),
+        )
+        hit: list[Quantity] = []
+        if is_blocked:
+            found = self._scene.run(origin, towards, dists=reach, query="INTERSECT", output=True)
+            distance = float(found["tfar"][0]) * float(np.linalg.norm(towards[0].astype(np.float64)))
+            hit = [Quantity("triangle among the casters", int(found["primID"][0]))]
+            hit.append(Quantity("distance", distance, "scene units"))
+        lines = ("an occlusion ray is blocked: 0",) if is_blocked else ("an occlusion ray is free: 1",)
+        return Account((ray, Step("Embree's answer", tuple(hit), lines)), 0.0 if is_blocked else 1.0)
 
     def close(self) -> None:
         self._pool.shutdown()

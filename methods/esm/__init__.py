@@ -25,11 +25,14 @@ much again.
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Literal
+import math
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
+import numpy as np
 import warp as wp
 from pydantic import model_validator
 
+from shadowbench.account import Quantity, Step, number
 from shadowbench.device.depth_encodings import encode_exponentials
 from shadowbench.device.filter_weights import tap_weights
 from shadowbench.device.launch import Context
@@ -42,6 +45,9 @@ from shadowbench.parameters import parameter
 from shadowbench.receivers import Receivers
 from shadowbench.scene import Light
 from shadowbench.world import Casters
+
+if TYPE_CHECKING:
+    from shadowbench.map_account import LookedUp
 
 _MOST_IN_FLOAT32 = 87.0
 """Beyond this e^(-c d) turns subnormal, and soon e^(c z) infinite."""
@@ -159,3 +165,50 @@ class ExponentialShadowMaps(FilteredMapMethod):
             classified = outputs[1].numpy()
             trace.mask("classified", classified)
             trace.count("receivers classified", int(classified.sum()))
+
+    def channel_names(self) -> tuple[str, ...]:
+        return ("z",) if self.parameters.log_space else ("e^(c z)",)
+
+    def account_of_mean(self, receiver: Receivers, averaged: LookedUp) -> tuple[Step, float]:
+        from shadowbench.methods.esm.account_kernels import VALUE_COUNT, tell_linear, tell_logarithmic
+
+        p = self.parameters
+        fallback = self.encoded.flatten() if self._is_unblurred_kept else self.chain.values
+        none = wp.empty(0, dtype=wp.float32, device=self.context.device)
+        maxima = none if self._maxima is None else self._maxima.values
+        kernel = tell_logarithmic if p.log_space else tell_linear
+        told = self.tell(kernel, receiver, VALUE_COUNT, arguments=[p.c, p.slope_bias, fallback, maxima, p.offset])
+        depth, falloff, mean, polygon_offset, tested, four, farthest, allowed = (float(value) for value in told)
+        greatest = np.float32(1.0 + p.epsilon)
+        quantities = [
+            Quantity("c", p.c),
+            Quantity("receiver depth d, less the bias", depth, "depth"),
+            Quantity("polygon offset at the receiver", polygon_offset, "depth"),
+        ]
+        if p.log_space:
+            lines = [f"mean of e^(c (z - d)) = {number(mean)}"]
+            quantities.append(Quantity("mean of e^(c (z - d))", mean))
+        else:
+            stored = mean / falloff if falloff > 0.0 else math.inf
+            quantities += [Quantity("mean of e^(c z)", stored), Quantity("e^(-c d)", falloff)]
+            lines = [f"e^(-c d) · mean of e^(c z) = {number(falloff)} · {number(stored)} = {number(mean)}"]
+        is_failure = False
+        if p.classification == "threshold":
+            is_failure = bool(told[4] > greatest)
+            lines.append(
+                f"{number(tested)} {'>' if is_failure else '<='} 1 + epsilon = {number(float(greatest))}: "
+                + ("a failure, by its own threshold" if is_failure else "no failure")
+            )
+        elif p.classification == "z-max":
+            is_failure = bool(told[7] < told[6])
+            quantities.append(Quantity("farthest depth of the footprint", farthest, "depth"))
+            lines.append(
+                f"d + polygon offset + offset = {number(allowed)} {'<' if is_failure else '>='} {number(farthest)}: "
+                + ("a failure, by z-max" if is_failure else "no failure")
+            )
+        result = float(min(told[5] if is_failure else told[2], np.float32(1.0)))
+        if is_failure:
+            quantities.append(Quantity("the four nearest texels' tests, each clamped to 1", four))
+            lines.append(f"falls back to the four nearest texels: {number(four)}")
+        lines.append(f"visibility = min(., 1) = {number(result)}")
+        return Step("exponential test", tuple(quantities), tuple(lines)), result

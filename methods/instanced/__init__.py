@@ -46,6 +46,7 @@ import warp as wp
 from numpy.typing import NDArray
 from pydantic import field_validator
 
+from shadowbench.account import Account
 from shadowbench.depth_map_method import DepthMapParameters
 from shadowbench.device.arrays import as_warp
 from shadowbench.device.bounding_volumes import BoundingVolumes, OrientedBoxes
@@ -164,6 +165,7 @@ class Instanced(Method):
 
     def shade(self, receivers: Receivers, visibility: wp.array[Any], trace: Trace) -> None:
         by_channel = visibility.reshape((receivers.count, -1))
+        self._is_by_channel = visibility.ndim > 1
         to_candidates, to_all = self._kernels()
         if self.parameters.application == "volumes":
             nothing = self._no_counts, self._no_counts
@@ -182,6 +184,23 @@ class Instanced(Method):
             trace.mask("candidates", candidates.numpy() > 0)
             trace.heat("fill", covered.numpy())
             trace.heat("overdraw", self._overdraw.numpy()[: receivers.count])
+
+    def account(self, receivers: Receivers, index: int) -> Account:
+        from shadowbench.methods.instanced.accounts import account_of
+
+        volumes = None
+        if self.parameters.application == "volumes":
+            volumes = self._volumes
+            volumes.outline(receivers, self._view.frame, exits_first=self.parameters.candidates == "z-fail")
+        return account_of(
+            receivers.only(index),
+            self._maps,
+            volumes,
+            self._kernels()[1],
+            is_by_channel=self._is_by_channel,
+            skips_other_test=self.parameters.skip_other_test,
+            context=self.context,
+        )
 
     def _neighbours(self, rotation: Rotation) -> angles.Neighbours:
         step_count = round(360.0 / self.parameters.step)

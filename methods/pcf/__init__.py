@@ -27,6 +27,7 @@ import numpy as np
 import warp as wp
 from pydantic import model_validator
 
+from shadowbench.account import Account, Quantity, Step, number
 from shadowbench.depth_map_method import MAP_COUNTERS, DepthMapMethod, DepthMapParameters
 from shadowbench.device.arrays import as_warp
 from shadowbench.device.filter_weights import gauss_sigma, tap_weights
@@ -104,6 +105,45 @@ class PercentageCloserFiltering(DepthMapMethod):
         with trace.stage("look-up"):
             launch(kernel, receivers.count, inputs=inputs, outputs=[visibility], context=self.context)
         trace.count("texels compared", int(receivers.valid.sum()) * p.kernel**2)
+
+    def account(self, receivers: Receivers, index: int) -> Account:
+        from shadowbench.device.shadow_lookup import MapPoint
+        from shadowbench.map_account import depth_tests, known_account
+        from shadowbench.methods.pcf.account_kernels import tell_taps_in_map, tell_taps_over_pixel
+
+        p, receiver, device = self.parameters, receivers.only(index), self.context.device
+        place, steps = self.account_before_test(receiver, p.kernel)
+        if place.state >= 0:
+            return known_account(place)
+        weights = tap_weights("box" if p.filter == "bilinear" else p.filter, p.kernel).astype(np.float32)
+        taps = wp.zeros(p.kernel**2, dtype=MapPoint, device=device)
+        texel = wp.zeros(p.kernel**2, dtype=wp.vec2i, device=device)
+        mean = wp.zeros(2, dtype=wp.float32, device=device)
+        points = pixel_points(receiver.on(device))
+        inputs = [self.lookup, points, p.bias, p.normal_offset * self._bias_scale, float(p.receiver_plane)]
+        kernel = tell_taps_over_pixel if p.footprint == "pixel" else tell_taps_in_map
+        inputs.append(as_warp(weights, wp.float32, device))
+        launch(kernel, 1, inputs=inputs, outputs=[taps, texel, mean], context=self.context)
+        tests = depth_tests(self.lookup, taps, texel.numpy(), p.bias, self.context)
+        of_taps = np.outer(weights, weights).reshape(-1)
+        if p.filter == "bilinear":
+            right, down = (taps.numpy()[axis][0] - 0.5 - tests.texel[0, k] for k, axis in enumerate("xy"))
+            of_taps = np.outer([1.0 - down, down], [1.0 - right, right]).reshape(-1)
+        result = float(mean.numpy()[1 if p.filter == "bilinear" else 0])
+        lit = int(tests.is_lit.sum())
+        quantities = (
+            Quantity("receiver depth", float(taps.numpy()["depth"][0]), "depth"),
+            Quantity("bias", p.bias, "depth"),
+            Quantity("polygon offset the map was drawn with", self.polygon_offset(), "texels of slope"),
+            Quantity("normal offset", p.normal_offset * self._bias_scale, "texels"),
+            Quantity("taps that are lit", f"{lit} of {len(of_taps)}"),
+        )
+        formula = (
+            "a tap is lit where its compared depth <= the stored one",
+            f"visibility = sum of weights of lit taps = {number(result)}",
+        )
+        table = tests.table("taps", of_taps)
+        return Account((*steps, Step("weighted mean of depth tests", quantities, formula, table)), result)
 
     def kernel(self, receivers: Receivers) -> LightSpaceKernel:
         """Return the window of texels or, of taps over a pixel, what they amount to where a map is magnified."""

@@ -73,8 +73,8 @@ def side_of_pixel(maps: LightMaps, found: MapPoint, motion: wp.vec3, axis: wp.ve
 
 
 @wp.func
-def is_point_lit(maps: LightMaps, found: MapPoint, offset: wp.vec3d, bias: wp.float64):
-    """The depth test of a point beside the receiver, against the texel that holds it."""
+def point_beside(found: MapPoint, offset: wp.vec3d):
+    """A point at (x [texels], y [texels], depth) from the receiver."""
     point = MapPoint()
     point.face = found.face
     point.x = found.x + offset[0]
@@ -82,6 +82,13 @@ def is_point_lit(maps: LightMaps, found: MapPoint, offset: wp.vec3d, bias: wp.fl
     point.depth = found.depth + offset[2]
     point.slope_x = found.slope_x
     point.slope_y = found.slope_y
+    return point
+
+
+@wp.func
+def is_point_lit(maps: LightMaps, found: MapPoint, offset: wp.vec3d, bias: wp.float64):
+    """The depth test of a point beside the receiver, against the texel that holds it."""
+    point = point_beside(found, offset)
     return is_lit_at(maps, point, texel_index(point.x), texel_index(point.y), bias)
 
 

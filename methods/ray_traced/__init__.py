@@ -30,6 +30,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from shadowbench.account import Account
 from shadowbench.device.arrays import as_warp
 from shadowbench.device.instance_forest import InstanceForest, tree_over
 from shadowbench.device.launch import launch
@@ -184,3 +185,12 @@ class RayTraced(Method):
                 outputs=[visibility],
                 context=self.context,
             )
+
+    def account(self, receivers: Receivers, index: int) -> Account:
+        from shadowbench.ray_account import exact_account, offset_account
+
+        if self.parameters.self_hit == "plane" or not is_in_field_of_view(self._light, receivers.position[[index]])[0]:
+            return exact_account(self._casters, self._light, receivers, index, self.context)
+        rays = OffsetRays(receivers.only(index), self._light, self._offset, self.context)
+        origin, towards, reach = (array.numpy()[0] for array in (rays.origin, rays.towards, rays.reach))
+        return offset_account(self._casters, origin, towards, float(reach), self.context)

@@ -18,10 +18,13 @@ lights take six maps. Cost: drawing every caster once a map; one texel a receive
 
 from __future__ import annotations
 
+import math
 from typing import Any, ClassVar
 
+import numpy as np
 import warp as wp
 
+from shadowbench.account import Account, Quantity, Step, number, plain
 from shadowbench.depth_map_method import MAP_COUNTERS, DepthMapMethod, DepthMapParameters
 from shadowbench.device.launch import launch
 from shadowbench.method import Trace
@@ -81,3 +84,34 @@ class ShadowMap(DepthMapMethod):
                 context=self.context,
             )
         trace.count("texels compared", int(receivers.valid.sum()))
+
+    def account(self, receivers: Receivers, index: int) -> Account:
+        from shadowbench.map_account import depth_tests, known_account, place_in_map
+
+        p, receiver = self.parameters, receivers.only(index)
+        place = place_in_map(
+            self.lookup, receiver, self.context, normal_offset=p.normal_offset, plane=float(p.receiver_plane)
+        )
+        if place.state >= 0:
+            return known_account(place)
+        _, steps = self.account_before_test(receiver, 3)
+        texel = np.array([[math.floor(place.x), math.floor(place.y)]])
+        tests = depth_tests(self.lookup, place.point, texel, p.bias, self.context)
+        compared, stored, is_lit = float(tests.compared[0]), float(tests.stored[0]), float(tests.is_lit[0])
+        quantities = (
+            Quantity("texel", plain(texel[0]), "column, row"),
+            Quantity("receiver depth", place.depth, "depth"),
+            Quantity("bias", p.bias, "depth"),
+            Quantity("polygon offset the map was drawn with", p.slope_bias, "texels of slope"),
+            Quantity("normal offset", p.normal_offset, "texels"),
+            Quantity("plane's depth at the texel's centre", compared + p.bias - place.depth, "depth from the receiver"),
+            Quantity("stored depth", stored, "depth"),
+        )
+        formula = (
+            f"d - bias = {number(place.depth)} - {number(p.bias)}"
+            + (" + slopes · (centre - place)" if p.receiver_plane else "")
+            + f" = {number(compared)}",
+            f"{number(compared)} {'<=' if is_lit else '>'} z = {number(stored)}: "
+            + (f"lit by {number(stored - compared)}" if is_lit else f"shadowed by {number(compared - stored)}"),
+        )
+        return Account((*steps, Step("comparison", quantities, formula)), is_lit)

@@ -15,16 +15,22 @@ mip levels, and one look-up a receiver.
 
 from __future__ import annotations
 
-from typing import Any
+import math
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import warp as wp
 
+from shadowbench.account import Quantity, Step, number
 from shadowbench.device.depth_encodings import encode_moments
 from shadowbench.filtered_map_method import FilteredMapMethod, FilteredMapParameters
 from shadowbench.method import Trace
 from shadowbench.methods.vsm.kernels import look_up_moments
 from shadowbench.parameters import parameter
 from shadowbench.receivers import Receivers
+
+if TYPE_CHECKING:
+    from shadowbench.map_account import LookedUp
 
 
 class VsmParameters(FilteredMapParameters):
@@ -60,3 +66,35 @@ class VarianceShadowMaps(FilteredMapMethod):
         p = self.parameters
         arguments = [p.minimum_variance, p.bleeding_reduction]
         self.look_up(look_up_moments, receivers, [visibility], trace, arguments=arguments)
+
+    def channel_names(self) -> tuple[str, ...]:
+        return "z", "z²"
+
+    def account_of_mean(self, receiver: Receivers, averaged: LookedUp) -> tuple[Step, float]:
+        from shadowbench.methods.vsm.account_kernels import tell_bound
+
+        p = self.parameters
+        arguments = [p.minimum_variance, p.bleeding_reduction]
+        told = self.tell(tell_bound, receiver, 5, arguments=arguments)
+        depth, mean, square, bound, reduced = (float(value) for value in told)
+        variance = float(max(told[2] - told[1] * told[1], np.float32(p.minimum_variance)))
+        quantities = (
+            Quantity("receiver depth d, less the bias", depth, "depth"),
+            Quantity("M1, mean depth", mean, "depth"),
+            Quantity("M2, mean square", square, "depth²"),
+            Quantity("variance, at least minimum_variance", variance, "depth²"),
+            Quantity("standard deviation", math.sqrt(variance), "depth"),
+            Quantity("d - M1", depth - mean, "depth"),
+            Quantity("bound", bound),
+        )
+        if depth <= mean:
+            lines = [f"d = {number(depth)} <= M1 = {number(mean)}: lit"]
+        else:
+            behind, least = number(depth - mean), number(p.minimum_variance)
+            lines = [
+                f"variance = max({number(square)} - {number(mean)}², {least}) = {number(variance)}",
+                f"bound = variance / (variance + (d - M1)²) = variance / (variance + {behind}²) = {number(bound)}",
+            ]
+        a = p.bleeding_reduction
+        lines.append(f"visibility = clamp((bound - {number(a)}) / (1 - {number(a)})) = {number(reduced)}")
+        return Step("Chebyshev's bound", quantities, tuple(lines)), reduced

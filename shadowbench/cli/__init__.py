@@ -17,6 +17,9 @@
     transfer.py     export, import, backup, restore
     token.py        token create, list, revoke
     compare.py      compare
+    view.py         view; receiver_text.py prints what --pixel finds
+    export.py       export-scene, score
+    views.py        options of commands that need a scene, a light and a camera
     check.py        check
     worker.py       worker, scheduler
     doctor.py       doctor; machine_checks.py has what it looks at

@@ -12,12 +12,14 @@ from shadowbench.cli.claims import claims
 from shadowbench.cli.compare import compare
 from shadowbench.cli.doctor import doctor
 from shadowbench.cli.exit_status import ExitStatus
+from shadowbench.cli.export import export_scene, score
 from shadowbench.cli.listing import list_names, show
 from shadowbench.cli.pareto import pareto
 from shadowbench.cli.results import report, table
 from shadowbench.cli.run import run
 from shadowbench.cli.token import app as token_app
 from shadowbench.cli.transfer import backup, export_, import_, restore
+from shadowbench.cli.view import view
 from shadowbench.cli.worker import scheduler, worker
 
 _EPILOG = (
@@ -63,6 +65,9 @@ app.command()(claims)
 app.command()(pareto)
 app.command()(report)
 app.command()(compare)
+app.command()(view)
+app.command("export-scene")(export_scene)
+app.command()(score)
 app.command()(check)
 app.command()(doctor)
 app.command("export")(export_)

@@ -1,4 +1,4 @@
-"""What the shell completes: names of methods, scenes, experiments and runs.
+"""What the shell completes: names of methods, scenes, experiments, runs and cases.
 
 Completing must be quick and must never fail: names come from the installed packages' entry points without importing
 any plugin, and whatever goes wrong completes to nothing.
@@ -35,6 +35,11 @@ def anything(incomplete: str) -> list[str]:
 def runs(incomplete: str) -> list[str]:
     """Complete a run's id in the results folder that would be used."""
     return _offered(_runs, incomplete)
+
+
+def cases(incomplete: str) -> list[str]:
+    """Complete a case's key in the results folder that would be used."""
+    return _offered(_cases, incomplete)
 
 
 def formats(incomplete: str) -> list[str]:
@@ -114,6 +119,15 @@ def _runs() -> list[str]:
     folder = Path(os.environ.get("SHADOWBENCH_RESULTS") or DEFAULT_RESULTS)
     with Store.open(folder, create=False) as store:
         return ["latest", *(run.run_id for run in store.runs())]
+
+
+def _cases() -> list[str]:
+    from shadowbench.cli.options import DEFAULT_RESULTS
+    from shadowbench.store import Store
+
+    folder = Path(os.environ.get("SHADOWBENCH_RESULTS") or DEFAULT_RESULTS)
+    with Store.open(folder, create=False) as store:
+        return sorted({key for run in store.runs() for key in store.finished_case_keys(run.run_id)})
 
 
 def _formats() -> Iterable[str]:

@@ -234,18 +234,28 @@ def find_in_map(maps: LightMaps, position: wp.vec3, normal: wp.vec3, normal_offs
 
 
 @wp.func
-def is_lit_at(maps: LightMaps, found: MapPoint, column: wp.int32, row: wp.int32, bias: wp.float64):
-    """The depth test of one texel: 1 lit, 0 shadowed.
+def depth_at_texel(found: MapPoint, column: wp.int32, row: wp.int32, bias: wp.float64):
+    """The depth that a texel is compared with: the receiver's plane's at the texel's centre, less the constant bias.
 
-    The receiver's depth is taken where its plane passes the texel's centre (receiver-plane bias; with slopes of 0,
-    at the receiver itself), less the constant bias. A texel beyond the map's border is the border's.
+    With slopes of 0, the receiver's own.
     """
-    size = maps.depth.shape[2]
     d = found.depth - bias
     d += found.slope_x * (wp.float64(column) + wp.float64(0.5) - found.x)
     d += found.slope_y * (wp.float64(row) + wp.float64(0.5) - found.y)
-    z = maps.depth[found.face, wp.clamp(row, 0, size - 1), wp.clamp(column, 0, size - 1)]
-    if d <= wp.float64(z):
+    return d
+
+
+@wp.func
+def stored_depth(maps: LightMaps, face: wp.int32, column: wp.int32, row: wp.int32):
+    """The depth that a texel holds. A texel beyond the map's border is the border's."""
+    size = maps.depth.shape[2]
+    return maps.depth[face, wp.clamp(row, 0, size - 1), wp.clamp(column, 0, size - 1)]
+
+
+@wp.func
+def is_lit_at(maps: LightMaps, found: MapPoint, column: wp.int32, row: wp.int32, bias: wp.float64):
+    """The depth test of one texel: 1 lit, 0 shadowed."""
+    if depth_at_texel(found, column, row, bias) <= wp.float64(stored_depth(maps, found.face, column, row)):
         return wp.float32(1.0)
     return wp.float32(0.0)
 
