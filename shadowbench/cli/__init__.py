@@ -13,6 +13,8 @@
     results.py      table, report
     claims.py       claims
     writing.py      what --output does
+    serve.py        serve, export-site
+    push.py         push
     transfer.py     export, import, backup, restore
     token.py        token create, list, revoke
     compare.py      compare
