@@ -73,7 +73,6 @@ class CameraPass:
         self.samples, self.layers = samples, layers
         self.frame = camera_frame(camera, width, height, world)
         self._rays = _pixel_rays(self.frame, camera, width, height)
-        self._first_triangle = as_warp(world.first_triangle, wp.int64, context.device)
         receives = np.array([i.receives for i in world.instances], dtype=np.uint8)
         self._receives = as_warp(receives, wp.uint8, context.device)
         pixel_count = width * height
@@ -87,8 +86,6 @@ class CameraPass:
         else:
             self._picture_samples = PictureSamples(width, height, samples, layers, context)
             self._opacity = np.array([_opacity(i) for i in world.instances], dtype=np.float32)
-            is_opaque = np.array([max(i.transmittance) == 0.0 for i in world.instances])
-            self._is_opaque = np.repeat(is_opaque, np.diff(world.first_triangle))
 
     def run(self) -> Receivers:
         """Render.
@@ -106,9 +103,16 @@ class CameraPass:
 
     def _centres(self) -> Receivers:
         """Render with one receiver per pixel at most, at its centre."""
-        geometry = self.world.on(self.context.device)
+        frame = self.frame
         self._rasterizer.clear()
-        self._rasterizer.draw(geometry.vertices, geometry.triangles, self.frame.projection, near=self.frame.near)
+        for batch in self.world.batches(self.context):
+            self._rasterizer.draw(
+                batch.vertices,
+                batch.triangles,
+                frame.projection,
+                near=frame.near,
+                first_triangle=batch.first_triangle,
+            )
         assert self._rasterizer.ids is not None
         seen = self._rasterizer.ids.reshape((self.width * self.height,))
         covered = seen.numpy() >= 0
@@ -121,7 +125,7 @@ class CameraPass:
     def _sampled(self) -> Receivers:
         """Render with a receiver for every sample's every layer."""
         device = self.context.device
-        seen = self._picture_samples.find(self.world.on(device), self.frame, self._is_opaque)
+        seen = self._picture_samples.find(self.world, self.frame)
         count = len(seen.pixel)
         self._reserve(count)
         of_receiver = [as_warp(a, wp.int32, device) for a in (seen.pixel, seen.sample, seen.triangle)]
@@ -137,11 +141,10 @@ class CameraPass:
         """Compute the receivers' points; ``seen`` is what the kernel asks for first."""
         if len(pixel) == 0:
             raise SceneError("the camera sees no surface; move it or point it at the scene")
-        geometry = self.world.on(self.context.device)
         launch(
             kernel,
             len(pixel),
-            inputs=[*seen, self._rays, geometry.vertices, geometry.triangles, self._first_triangle, self._receives],
+            inputs=[*seen, self._rays, self.world.lookup(self.context.device), self._receives],
             outputs=[self._buffers[name] for name in _FIELDS],
             context=self.context,
         )

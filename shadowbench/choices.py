@@ -14,12 +14,23 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from shadowbench.errors import did_you_mean
+
 LARGEST_SIDE = 16384
 """Pixels; a larger picture does not fit the memory of the machines this is made for."""
 
 MOST_THREADS = 1024
 MOST_PIXEL_SAMPLES = 256
 MOST_LAYERS = 64
+
+EVERYTHING = "everything"
+MOVING = {
+    EVERYTHING: "all that can; build() starts from nothing",
+    "object": "one caster, the first, takes a step and turns",
+    "light": "the light takes a step, or turns if it is parallel",
+    "camera": "the camera goes round its target by a degree",
+}
+"""What may move between two frames (:mod:`shadowbench.motion`), and what that means."""
 
 MESH_SUFFIXES = frozenset(
     {".ply", ".obj", ".stl", ".gltf", ".glb", ".vtk", ".vtp", ".vtu", ".vts", ".vtr", ".vtm"}
@@ -124,6 +135,13 @@ def pixel_sample_count_of(value: Any) -> int:
 def layer_count_of(value: Any) -> int:
     """Return a number of surfaces that a sample may see."""
     return _count_of(value, "layers", MOST_LAYERS)
+
+
+def moving_of(value: Any) -> str:
+    """Return what moves between two frames, one of :data:`MOVING`."""
+    if value not in MOVING:
+        raise ValueError(f"nothing moves like '{value}'; {did_you_mean(str(value), MOVING, noun='motion')}")
+    return str(value)
 
 
 def _count_of(value: Any, what: str, most: int) -> int:

@@ -39,15 +39,17 @@ parameter name, ``method.NAME`` or ``scene.NAME``; a list holds any of its value
 ``within`` is the share by which equal and constant values may differ: none if it is not said, but for float error.
 
 *Groups.* A test must hold in every group of cases that are alike in scene, light, camera, size, samples, layers, device
-and threads (as far as ``of``, ``than``, ``relative_to`` and ``over`` do not name them) and in what ``each`` names. What
-``each`` names of one side's own conditions splits that side alone, and each of its parts meets each of the other's:
-``than = {method = ["csm", "vsm"]}`` with ``each = ["method"]`` compares with both. A group has one case for each side,
-or for each place of a sweep; where it has more, the answer says what tells them apart and so belongs into ``each``.
+and threads (as far as ``of``, ``than``, ``relative_to`` and ``over`` do not name them; ``over = "receivers"`` sweeps
+the size) and in what ``each`` names. What ``each`` names of one side's own conditions splits that side alone, and each
+of its parts meets each of the other's: ``than = {method = ["csm", "vsm"]}`` with ``each = ["method"]`` compares with
+both. A group has one case for each side, or for each place of a sweep; where it has more, the answer says what tells
+them apart and so belongs into ``each``.
 
 *Verdicts.* Counters, bytes, percentages and other measures of quality are exact, and decide by themselves. Times decide
-by 95 % intervals: of the ratio within each round for two cases of one comparison, of both medians otherwise; a stage's
-interval is as wide as its case's. A test whose interval lies on both sides is undecided, as is one with a case that is
-missing or not ok.
+by 95 % intervals: of the ratio within each round for two cases of one comparison, of all pairs of rounds otherwise; a
+stage's interval is as wide as its case's. A test whose interval lies on both sides is undecided, as is one with a case
+that is missing or not ok. Where a claim makes many comparisons of times, one that fails counts only if their number
+does not explain it (:func:`shadowbench.statistics.differences_among`).
 """
 
 from __future__ import annotations
@@ -119,6 +121,47 @@ class Claim:
     statement: str
     source: str
     tests: tuple[Test, ...]
+
+
+def in_words(test: Test) -> str:
+    """Return a test as a line: ``bytes_kept of esm equal to 0.5 times vsm, for each kernel``."""
+    value = f"{test.value} / {test.per}" if test.per else test.value
+    parts = [f"{value} of {conditions_in_words(test.of)}" if test.of else value, test.relation]
+    if test.times is not None:
+        parts.append(f"{test.times:g} times")
+    if test.number is not None:
+        parts.append(f"{test.number:g}")
+    if test.than_value is not None:
+        parts.append(f"{test.than_value} of" if test.than else test.than_value)
+    if test.than:
+        parts.append(conditions_in_words(test.than))
+    if test.relative_to:
+        parts.append(f"relative to {conditions_in_words(test.relative_to)}")
+    parts += [f"over {test.over}"] if test.over else []
+    bounds = (("at least", test.at_least), ("at most", test.at_most), ("within", test.within))
+    parts += [f"{word} {bound:g}" for word, bound in bounds if bound is not None]
+    more = [f"where {conditions_in_words(test.where)}"] if test.where else []
+    more += [f"for each {', '.join(map(bare, test.each))}"] if test.each else []
+    return ", ".join([" ".join(parts), *more])
+
+
+def conditions_in_words(conditions: Mapping[str, Any]) -> str:
+    """Return conditions as people say them: ``esm, kernel 5``."""
+    return ", ".join(
+        shown(value) if name == "method" else f"{bare(name)} {shown(value)}" for name, value in conditions.items()
+    )
+
+
+def bare(name: str) -> str:
+    """Return a column's name as people say it: ``scene.triangles`` is ``triangles``."""
+    return name.removeprefix("method.").removeprefix("scene.").replace("_", " ")
+
+
+def shown(value: Any) -> str:
+    """Return a condition's value, or of a list each after the other."""
+    if isinstance(value, list):
+        return "/".join(map(shown, value))
+    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def claim_from(stored: Mapping[str, Any]) -> Claim:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from shadowbench.device.depth_maps import DepthMaps
 from shadowbench.device.percentage_closer import percentage_closer
 from shadowbench.device.shadow_lookup import LightMaps, light_maps
+from shadowbench.light_picture import depth_picture
 from shadowbench.light_space import light_frames
 from shadowbench.method import Changes, Method, Trace, View
 from shadowbench.parameters import ParameterModel, parameter
@@ -77,6 +78,10 @@ class DepthMapMethod(Method):
     def build(self, casters: Casters, light: Light, view: View, changes: Changes, trace: Trace) -> None:
         self.draw_maps(casters, light, trace)
         trace.keep("shadow map", self.depth)
+
+    def explain(self, receivers: Receivers, trace: Trace) -> None:
+        """Draw the depth maps."""
+        trace.picture("depth map", depth_picture(self.depth.numpy()))
 
     def exact_on_map(self, receivers: Receivers) -> NDArray[np.float32] | None:
         kernel = self.kernel(receivers)

@@ -11,6 +11,7 @@ file every key of a ``[[comparison]]`` takes one value or a list, and a list swe
     light = ["sun", "lamp"]
     size = "640x480"
     pixel_samples = 4                   # each with its own shadow; layers = 8 sees through translucent surfaces
+    moving = "object"                   # between two frames; "everything" unless said, also "light" or "camera"
     method = ["ray-traced", {name = "shadow-map", resolution = [512, 2048]}]
 
     [[table]]
@@ -40,9 +41,11 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from shadowbench.choices import (
+    EVERYTHING,
     Choice,
     choice_of_text,
     layer_count_of,
+    moving_of,
     pixel_sample_count_of,
     size_of,
     thread_count_of,
@@ -84,6 +87,7 @@ class Comparison:
         sizes: Width and height of the picture [pixels].
         pixel_samples: Samples of every pixel, each shadowed by itself.
         layers: Most surfaces that a sample sees through translucent ones.
+        moving: What moves between two frames, of :data:`shadowbench.choices.MOVING`.
         threads: Empty for as many as the run's options say.
     """
 
@@ -94,6 +98,7 @@ class Comparison:
     sizes: tuple[tuple[int, int], ...] = (DEFAULT_SIZE,)
     pixel_samples: tuple[int, ...] = (1,)
     layers: tuple[int, ...] = (1,)
+    moving: tuple[str, ...] = (EVERYTHING,)
     threads: tuple[int, ...] = ()
 
 
@@ -220,6 +225,7 @@ def _comparison(table: ComparisonTable, folder: Path | None) -> Comparison:
         "sizes": table.size,
         "pixel_samples": table.pixel_samples,
         "layers": table.layers,
+        "moving": table.moving,
         "threads": table.threads,
     }
     scenes = (replace(s, name=str((folder or Path()) / s.name)) if s.is_mesh_file else s for s in table.scene)
@@ -256,6 +262,7 @@ def with_options(
     sizes: Sequence[str] = (),
     pixel_samples: Sequence[int] = (),
     layers: Sequence[int] = (),
+    moving: Sequence[str] = (),
     threads: Sequence[int] = (),
 ) -> Experiment:
     """Return an experiment in which each option given replaces what every comparison says.
@@ -271,6 +278,7 @@ def with_options(
         "sizes": _each(size_of, sizes),
         "pixel_samples": _each(pixel_sample_count_of, pixel_samples),
         "layers": _each(layer_count_of, layers),
+        "moving": _each(moving_of, moving),
         "threads": _each(thread_count_of, threads),
     }
     changes: dict[str, Any] = {name: values for name, values in given.items() if values}

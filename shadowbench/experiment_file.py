@@ -29,6 +29,7 @@ from shadowbench.choices import (
     choice_of_table,
     choice_of_text,
     layer_count_of,
+    moving_of,
     pixel_sample_count_of,
     size_of,
     thread_count_of,
@@ -75,6 +76,7 @@ Choices = Annotated[list[Annotated[Choice, PlainValidator(_choice)]], *LIST_RULE
 Sizes = Annotated[list[Annotated[tuple[int, int], PlainValidator(_size)]], *LIST_RULES]
 PixelSampleCounts = Annotated[list[Annotated[int, PlainValidator(pixel_sample_count_of)]], *LIST_RULES]
 LayerCounts = Annotated[list[Annotated[int, PlainValidator(layer_count_of)]], *LIST_RULES]
+Movings = Annotated[list[Annotated[str, PlainValidator(moving_of)]], *LIST_RULES]
 ThreadCounts = Annotated[list[Annotated[int, PlainValidator(thread_count_of)]], *LIST_RULES]
 Numbers = Annotated[float | list[float], PlainValidator(_numbers)]
 
@@ -91,6 +93,7 @@ class ComparisonTable(BaseModel):
     size: Sizes | None = None
     pixel_samples: PixelSampleCounts | None = None
     layers: LayerCounts | None = None
+    moving: Movings | None = None
     threads: ThreadCounts | None = None
 
 

@@ -7,6 +7,7 @@ casters over them window by window, and the pictures of the light's image plane 
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Iterable
 from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
 import numpy as np
@@ -15,12 +16,13 @@ from numpy.typing import NDArray
 
 from shadowbench.device.blocker_bins import Transmittances, transmittances_of
 from shadowbench.device.light_samples import LightSamples, WindowSamples
+from shadowbench.device.placed_triangles import TriangleBatch
 from shadowbench.device.sample_scan import SampleArrays
 from shadowbench.light_picture import LightPlane, light_space_pictures
 from shadowbench.method import Changes, Method, Trace, View
 from shadowbench.receivers import Receivers
 from shadowbench.scene import Light, RectangularLight
-from shadowbench.world import Casters, DeviceTriangles, World
+from shadowbench.world import Casters, World
 
 Counts = TypeVar("Counts")
 Counts_co = TypeVar("Counts_co", covariant=True)
@@ -50,8 +52,8 @@ class IrregularRasterizer(Protocol[Counts_co]):
     def cells(self) -> NDArray[np.float32]:
         """Return boxes (low x, low y, high x, high y) that show the structure, in window coordinates, shape [n, 4]."""
 
-    def rasterize(self, triangles: DeviceTriangles) -> Counts_co:
-        """Let triangles shadow the samples; returns what it took."""
+    def rasterize(self, casters: Iterable[TriangleBatch]) -> Counts_co:
+        """Let triangles shadow the samples, batch by batch in file order; returns what it took."""
 
     def write(self, visibility: wp.array[Any]) -> None:
         """Set the visibility of all sampled points, float32, shape [point_count] or [point_count, 3]."""
@@ -93,7 +95,6 @@ class IrregularMethod(Method, Generic[Counts]):
             self._rasterizer = self.make_rasterizer()
 
     def shade(self, receivers: Receivers, visibility: wp.array[Any], trace: Trace) -> None:
-        triangles = self._casters.on(self.context.device)
         with trace.stage("transformation"):
             windows = self._samples.place_receivers(receivers, self._light, self._casters.world, visibility)
         for window in windows:
@@ -102,7 +103,7 @@ class IrregularMethod(Method, Generic[Counts]):
             with trace.stage(self.structure_stage):
                 self._rasterizer.build()
             with trace.stage("rasterization"):
-                counts = self._rasterizer.rasterize(triangles)
+                counts = self._rasterizer.rasterize(self._casters.batches(self.context))
                 self._rasterizer.write(visibility)
             self.report(self._rasterizer, counts, trace)
         trace.keep_bytes("windows of the receivers", self._samples.kept_bytes)
@@ -110,13 +111,13 @@ class IrregularMethod(Method, Generic[Counts]):
 
     def explain(self, receivers: Receivers, trace: Trace) -> None:
         """Draw the samples in the light's image plane and the structure over them (paper, Figures 2b and 4)."""
-        triangles = self._casters.on(self.context.device)
         visibility = wp.empty(receivers.count, dtype=wp.float32, device=self.context.device)
         rasterizer, planes = self.explaining_rasterizer(), []
         for window in self._samples.place_receivers(receivers, self._light, self._casters.world, visibility):
             rasterizer.transform(window, self._transmittances)
             rasterizer.build()
-            self.explain_window(rasterizer, rasterizer.rasterize(triangles), trace)
+            counts = rasterizer.rasterize(self._casters.batches(self.context))
+            self.explain_window(rasterizer, counts, trace)
             rasterizer.write(visibility)
             samples, count = rasterizer.samples, window.count
             source = samples.source.numpy()[:count]

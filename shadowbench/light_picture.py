@@ -1,4 +1,4 @@
-"""Pictures of a light's image plane: where the visible samples lie in it, and the structure built over them.
+"""Pictures of a light's image plane: the depths of its map, where the visible samples lie, the structure over them.
 
 NumPy and Pillow only, as :mod:`shadowbench.pictures`. A method's ``explain()`` draws them.
 """
@@ -6,7 +6,7 @@ NumPy and Pillow only, as :mod:`shadowbench.pictures`. A method's ``explain()`` 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +20,9 @@ POINTS_SHOWN = 12_288
 """About as many samples are drawn as points: 1 in 64 of 1024x768, as in Aila & Laine 2004, Figure 4."""
 
 FACE_NAMES = ("+x", "-x", "+y", "-y", "+z", "-z")
+
+_NEAREST_GREY, _GREY_SPAN = 24.0, 200.0
+"""Greys of depths: from the nearest on, lighter by so much up to the farthest; empty is white."""
 
 _PAPER, _LIT, _SHADOWED, _CELL, _FRAME = (255, 255, 255), (214, 137, 0), (24, 66, 130), (176, 176, 176), (90, 90, 90)
 
@@ -63,13 +66,17 @@ def light_space_pictures(planes: Sequence[LightPlane], width: int, structure: st
 def _tiled(planes: Sequence[LightPlane], width: int, step: int, *, with_cells: bool) -> NDArray[np.uint8]:
     if len(planes) == 1 and planes[0].number == 0:
         return np.asarray(_drawn(planes[0], width, step, SIDE, with_cells=with_cells))
+    return _cube_sheet({p.number: _drawn(p, width, step, SIDE // 2, with_cells=with_cells) for p in planes})
+
+
+def _cube_sheet(faces: Mapping[int, Image.Image]) -> NDArray[np.uint8]:
+    """Return a cube's faces, ``SIDE / 2`` wide each, with their names: three side by side, opposite ones below."""
     side = SIDE // 2
     sheet = Image.new("RGB", (3 * side, 2 * side), _PAPER)
-    by_number = {plane.number: plane for plane in planes}
     for number, name in enumerate(FACE_NAMES):
         corner = (number // 2 * side, number % 2 * side)
-        if number in by_number:
-            sheet.paste(_drawn(by_number[number], width, step, side, with_cells=with_cells), corner)
+        if number in faces:
+            sheet.paste(faces[number], corner)
         draw = ImageDraw.Draw(sheet)
         draw.rectangle((*corner, corner[0] + side - 1, corner[1] + side - 1), outline=_FRAME)
         draw.text((corner[0] + 6, corner[1] + 4), name, fill=_FRAME)
@@ -93,3 +100,31 @@ def _drawn(plane: LightPlane, width: int, step: int, side: int, *, with_cells: b
             x, y = (np.clip(at[:, axis] + moved, 0, side - 1) for axis, moved in ((0, right), (1, down)))
             pixels[y, x] = colours
     return Image.fromarray(pixels)
+
+
+def depth_picture(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Return the picture of depth maps: what is near is dark, what is far is light, white where nothing was drawn.
+
+    Greys are spread over the depths that occur. Of texels that share a pixel the nearest is shown, so that a twig
+    stays; six maps stand as a cube's faces do in :func:`light_space_pictures`.
+
+    Args:
+        depth: Linear depths in [0, 1], 1 for an empty texel, shape [face, row, column].
+    """
+    drawn = depth[depth < 1.0]
+    near, far = (float(drawn.min()), float(drawn.max())) if drawn.size else (0.0, 1.0)
+    span = max(far - near, 1.0e-6)
+    side = SIDE if len(depth) == 1 else SIDE // 2
+    maps = [_nearest_within(each, side) for each in depth]
+    greys = [
+        np.where(m < 1.0, _NEAREST_GREY + 0.5 + (m - near) / span * _GREY_SPAN, 255.0).astype(np.uint8) for m in maps
+    ]
+    pictures = [Image.fromarray(grey).resize((side, side), Image.Resampling.NEAREST) for grey in greys]
+    return np.asarray(pictures[0].convert("RGB")) if len(pictures) == 1 else _cube_sheet(dict(enumerate(pictures)))
+
+
+def _nearest_within(depth: NDArray[np.float32], side: int) -> NDArray[np.float64]:
+    """Return a map of at most ``side`` texels along each axis, the nearest depth in each block."""
+    step = -(-len(depth) // side)
+    starts = np.arange(0, len(depth), step)
+    return np.minimum.reduceat(np.minimum.reduceat(depth, starts, axis=0), starts, axis=1).astype(np.float64)

@@ -174,7 +174,7 @@ def light_frames(light: Light, world: World) -> tuple[Frame, ...]:
     match light:
         case DirectionalLight():
             axes = axes_of(np.negative(light.direction))
-            low, high = bounds_along(axes, world.vertices)
+            low, high = _world_along(axes, world)
             return (orthographic_frame(axes[2], low, high, axes),)
         case SpotLight():
             axes = axes_of(light.direction)
@@ -235,10 +235,44 @@ def bounds_along(axes: tuple[Array, Array, Array], vertices: NDArray[np.floating
     for row, axis in enumerate(axes):
         along = _affine(np.append(axis, 0.0), points)
         low[row], high[row] = along.min(), along.max()
+    return _with_margin(low, high)
+
+
+def _world_along(axes: tuple[Array, Array, Array], world: World) -> tuple[Array, Array]:
+    """:func:`bounds_along` of all vertices of a world, the same bits whether it is flat or not."""
+    if world.is_flat:
+        return bounds_along(axes, world.vertices)
+    placed: dict[int, Array] = {}
+    high = np.array([_farthest_along(axis, world, placed) for axis in axes])
+    return _with_margin(-np.array([_farthest_along(-axis, world, placed) for axis in axes]), high)
+
+
+def _with_margin(low: Array, high: Array) -> tuple[Array, Array]:
     size = high - low
     # a flat scene still needs a window and a depth range
     margin = _MARGIN * np.maximum(size, size.max() * 1.0e-2)
     return low - margin, high + margin
+
+
+def _farthest_along(axis: Array, world: World, placed: dict[int, Array]) -> float:
+    """Return how far vertices reach along an axis, looking at the vertices of as few instances as have to be.
+
+    Args:
+        axis: Unit vector.
+        world: Instances of meshes.
+        placed: Vertices of instances that were looked at, for the next call.
+    """
+    limits = world.instance_bounds.astype(np.float64)
+    # of each box, and a little more than rounding can take away from it
+    reach = (np.maximum(limits[:, 0] * axis, limits[:, 1] * axis)).sum(axis=1) + 1.0e-12 * world.scale
+    farthest = -np.inf
+    for k in np.argsort(-reach, kind="stable"):
+        if reach[k] < farthest:
+            break
+        if k not in placed:
+            placed[k] = world.vertices_of(int(k)).astype(np.float64)
+        farthest = max(farthest, float(_affine(np.append(axis, 0.0), placed[k]).max()))
+    return farthest
 
 
 def _depth_limits(eye: Vector, tangents: tuple[float, float], near: float | None, world: World) -> tuple[float, float]:

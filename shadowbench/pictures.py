@@ -23,13 +23,14 @@ if TYPE_CHECKING:
     from shadowbench.world import World
 
 FAILURE_COLOURS: dict[str, tuple[int, int, int]] = {
+    "classified": (204, 121, 167),
     "false_lit": (230, 159, 0),
     "false_shadow": (86, 180, 233),
     "peter_panning": (213, 94, 0),
     "acne": (0, 114, 178),
-    "classified": (204, 121, 167),
 }
-"""Later ones are painted over earlier ones: peter-panning is false lit, acne is false shadow."""
+"""Later ones are painted over earlier ones: peter-panning is false lit, acne is false shadow, and what a
+method suspects stays below what fails."""
 
 _HEAT = np.array([(68, 1, 84), (59, 82, 139), (33, 145, 140), (94, 201, 98), (253, 231, 37)], np.float64)
 """Numbers from small to large: five colours of matplotlib's viridis, read alike with any kind of colour vision."""
@@ -39,10 +40,10 @@ ERROR_COLOURS: tuple[tuple[int, int, int], ...] = ((0, 114, 178), (247, 247, 247
 
 UNSCORED_GREY = 190
 
-_SKY = np.array([0.22, 0.28, 0.38])
-_BOUNCE = np.array([0.16, 0.15, 0.13])
-_SUN = np.array([0.86, 0.80, 0.70])
-_BACKGROUND = np.array([[0.62, 0.74, 0.90], [0.90, 0.93, 0.96]])
+_SKY = np.array([0.15, 0.19, 0.26])
+_BOUNCE = np.array([0.12, 0.11, 0.09])
+_SUN = np.array([1.16, 1.05, 0.86])
+_BACKGROUND = np.array([[0.36, 0.52, 0.74], [0.78, 0.85, 0.92]])
 """Colours in linear light: the sky above, what the ground throws back, the light; and the backdrop, top and bottom."""
 
 Image8 = NDArray[np.uint8]
@@ -80,9 +81,9 @@ def towards(light: Light, positions: NDArray[np.float32]) -> NDArray[np.float64]
 
 
 def to_srgb(linear: NDArray[np.float64]) -> Image8:
-    """Return linear radiance as 8-bit sRGB; a shoulder above 0.8 keeps bright surfaces from clipping."""
-    shoulder = 0.8 + 0.2 * (1.0 - np.exp(-(linear - 0.8) / 0.2))
-    toned = np.where(linear > 0.8, shoulder, np.clip(linear, 0.0, None))
+    """Return linear radiance as 8-bit sRGB; a shoulder from a half on keeps bright surfaces from clipping."""
+    shoulder = 0.5 + 0.5 * (1.0 - np.exp(-(linear - 0.5) / 0.5))
+    toned = np.where(linear > 0.5, shoulder, np.clip(linear, 0.0, None))
     encoded = np.where(toned <= 0.0031308, 12.92 * toned, 1.055 * toned ** (1.0 / 2.4) - 0.055)
     return (encoded * 255.0 + 0.5).astype(np.uint8)
 

@@ -131,10 +131,10 @@ def hard_reference(world: World, receivers: Receivers, light: Light, context: Co
 
 
 def _turned_away(world: World, receivers: Receivers, light: LightPoint, context: Context) -> NDArray[np.bool_]:
-    on_device, triangles = receivers.on(context.device), world.on(context.device)
+    on_device, lookup = receivers.on(context.device), world.lookup(context.device)
     turned_away = wp.empty(receivers.count, dtype=wp.uint8, device=context.device)
     eye = wp.vec3d(*receivers.eye)
-    inputs = [light, eye, triangles.vertices, triangles.triangles, on_device.triangle]
+    inputs = [light, eye, lookup, on_device.triangle]
     launch(find_turned_away, receivers.count, inputs=inputs, outputs=[turned_away], context=context)
     synchronize(context)
     found: NDArray[np.bool_] = turned_away.numpy().astype(bool)

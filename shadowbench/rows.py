@@ -13,6 +13,8 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from shadowbench.choices import EVERYTHING
+
 
 class Outcome(StrEnum):
     """How a case ended. Every case ends in a row with one of these."""
@@ -71,6 +73,7 @@ class ResultRow(BaseModel):
     height: int = Field(description="picture height [pixels]")
     pixel_samples: int = Field(1, description="samples of every pixel, each a receiver")
     layers: int = Field(1, description="most surfaces that a sample sees through translucent ones, each a receiver")
+    moving: str = Field(EVERYTHING, description="what moves between two frames, so that build() is paid for it")
     device: str = Field(description="Warp device")
     threads: int = Field(description="threads the method may use")
 
@@ -185,6 +188,12 @@ class ResultRow(BaseModel):
 
 FRAME_RATES = {"static_frame_fps": "static_frame_ms", "dynamic_frame_fps": "dynamic_frame_ms"}
 """Values that tables make of a row [frames per second], and the columns [ms] that they are the inverse of."""
+
+RATIOS = {f"{name}_ratio": f"{name}_ms" for name in ("build", "shade", "camera", "static_frame", "dynamic_frame")}
+"""Values that tables make of a row and its comparison's first case: how many times as long it takes, of which time."""
+
+VERDICTS = {ratio.replace("_ratio", "_verdict"): ratio for ratio in RATIOS}
+"""What a ratio says in words: ``faster``, ``slower`` or ``no difference shown``."""
 
 LONG_FIELDS = ("stages", "counters", "kept", "samples", "artifacts")
 """Fields that stand beside the row as (case_key, name, value, unit)."""

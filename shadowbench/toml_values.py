@@ -12,7 +12,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator
 
 from shadowbench.choices import Scalar
 from shadowbench.errors import did_you_mean
-from shadowbench.rows import FRAME_RATES, LONG_FIELDS, ResultRow
+from shadowbench.rows import FRAME_RATES, LONG_FIELDS, RATIOS, VERDICTS, ResultRow
 
 
 def as_list(value: Any) -> Any:
@@ -30,7 +30,7 @@ def name_of(value: Any) -> str:
 def value_column(value: Any) -> str:
     """Return the name of a value that a table can show."""
     name = name_of(value)
-    known = (*ResultRow.model_fields, *FRAME_RATES)
+    known = (*ResultRow.model_fields, *FRAME_RATES, *RATIOS, *VERDICTS)
     if name not in known and name.partition(".")[0] not in LONG_FIELDS:
         raise ValueError(f"no column is called '{name}'; {did_you_mean(name, known, noun='column')}")
     return name

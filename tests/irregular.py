@@ -18,7 +18,7 @@ from shadowbench.method import Changes, Method, Trace, View
 from shadowbench.receivers import Receivers
 from shadowbench.reference import hard_reference
 from shadowbench.scene import DirectionalLight, Light, PointLight, SpotLight
-from shadowbench.world import World
+from shadowbench.world import FlatTriangles, World
 
 LIGHTS: dict[str, Light] = {
     "directional": DirectionalLight((0.4, 1.0, 0.3)),
@@ -75,10 +75,16 @@ def scaled(world: World, receivers: Receivers, factor: float) -> tuple[World, Re
         return replace(light, position=tuple(c * factor for c in light.position), near=near)
 
     lights = {name: light_scaled(light) for name, light in world.lights.items()}
-    vertices = world.vertices * np.float32(factor)
+    flat = FlatTriangles(world.vertices * np.float32(factor), world.triangles)
     eye = tuple(c * factor for c in receivers.eye)
     return (
-        replace(world, vertices=vertices, scale=world.scale * factor, lights=lights),
+        replace(
+            world,
+            kept_flat=flat,
+            instance_bounds=world.instance_bounds * np.float32(factor),
+            scale=world.scale * factor,
+            lights=lights,
+        ),
         replace(receivers, position=receivers.position * np.float32(factor), eye=eye),
     )
 

@@ -67,7 +67,7 @@ def planned(results: Path, *methods: str, scenes: tuple[str, ...] = ("tiny",), *
         methods=methods,
         scenes=scenes,
         sizes=changes.pop("sizes", ["48x32"]),
-        **{name: changes.pop(name, []) for name in ("lights", "pixel_samples", "layers")},
+        **{name: changes.pop(name, []) for name in ("lights", "pixel_samples", "layers", "moving")},
     )
     return runner.plan([chosen], options(results, **changes))
 

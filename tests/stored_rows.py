@@ -68,6 +68,23 @@ def with_pictures(store: Store, row: ResultRow, size: tuple[int, int] = (64, 48)
     return row.model_copy(update={"artifacts": artifacts})
 
 
+def with_masks(store: Store, row: ResultRow, **painted: tuple[int, int]) -> ResultRow:
+    """Return the row with a mask of one painted pixel (row, column) for each failure class: ``false_lit=(3, 4)``."""
+    masks = {f"mask-{name.replace('_', '-')}": store.put_artifact(mask_png(at), "png") for name, at in painted.items()}
+    counts = {f"{name}_count": 1 for name in painted}
+    return row.model_copy(update={"artifacts": row.artifacts | masks, **counts})
+
+
+def mask_png(*painted: tuple[int, int], size: tuple[int, int] = (64, 48)) -> bytes:
+    """Return a 1-bit picture, white at the pixels (row, column)."""
+    pixels = np.zeros(size[::-1], dtype=bool)
+    for at in painted:
+        pixels[at] = True
+    file = io.BytesIO()
+    Image.fromarray(pixels).save(file, format="PNG")
+    return file.getvalue()
+
+
 def png(seed: int, *, painted: tuple[int, int] | None = None, size: tuple[int, int] = (64, 48)) -> bytes:
     """Return a picture of grey noise; the pixel (row, column) ``painted`` is orange."""
     generator = np.random.default_rng(seed)

@@ -103,6 +103,20 @@ class _ByThread(_Trial):
         trace.count("work", self.context.threads)
 
 
+class _Stale(_Trial):
+    """Keeps what it saw first."""
+
+    seen: Any = None
+
+    def build(self, casters: Any, light: Any, view: Any, changes: Any, trace: Trace) -> None:
+        super().build(casters, light, view, changes, trace)
+        if self.seen is None:
+            self.seen = sum(hash((i.translation, i.rotation)) for i in casters.instances), hash(light), view.camera.eye
+
+    def shade(self, receivers: Receivers, visibility: wp.array, trace: Trace) -> None:
+        visibility.fill_(float(hash(self.seen) % 4096) / 4096.0)
+
+
 class _Raises(_Trial):
     """Raises."""
 
@@ -125,6 +139,9 @@ class _Undeclared(_Trial):
         (_OutOfRange, "outside [0, 1], for instance 2"),
         (_Unsteady, "a second run changes 1 receivers"),
         (_ByThread, "two threads changes the counters"),
+        (_Stale, "when what moved since another is: object"),
+        (_Stale, "when what moved since another is: light"),
+        (_Stale, "when what moved since another is: camera"),
         (_Raises, "RuntimeError: nothing works"),
         (_Undeclared, "parameter 'size' has no help"),
         (_Undeclared, "refuse unknown names"),

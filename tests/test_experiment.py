@@ -124,6 +124,8 @@ TABLE = HEAD + "[[table]]\ntitle = 'a'\nindex = 'method'\nvalues = 'shade_ms'\n"
         (HEAD + "size = [\n'640x480',\n\n'9x1000000000']", 8, "a picture has 1 to 16384 pixels a side"),
         (HEAD + "pixel_samples = 0", 5, "a number of samples of a pixel lies between 1 and 256, not 0"),
         (HEAD + "layers = [2, 'all']", 5, "a number of layers lies between 1 and 64, not 'all'"),
+        (HEAD + "moving = ['object', 'sun']", 5, "nothing moves like 'sun'"),
+        (HEAD + "moving = 'objects'", 5, "did you mean 'object'?"),
         (HEAD + "size = [640, 480]", 5, "a size is written WIDTHxHEIGHT"),
         (HEAD + "threads = [1, 0]", 5, "a number of threads lies between 1 and 1024, not 0"),
         (HEAD + "light = ''", 5, "expected a name"),

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from shadowbench.light_picture import SIDE, LightPlane, light_space_pictures
+from shadowbench.light_picture import SIDE, LightPlane, depth_picture, light_space_pictures
 
 ORANGE, BLUE, GREY = (214, 137, 0), (24, 66, 130), (176, 176, 176)
 
@@ -51,3 +51,32 @@ def test_six_windows_stand_side_by_side_and_no_samples_give_no_picture():
     rows, columns = found(picture, ORANGE)
     assert (rows.min(), columns.min()) == (SIDE // 2 + SIDE // 4, SIDE // 2 + SIDE // 4)
     assert light_space_pictures([], 1, "BSP") == {}
+
+
+def test_near_depths_are_darker_than_far_ones_and_empty_texels_white():
+    depth = np.array([[[0.2, 0.4], [0.6, 1.0]]], np.float32)
+    image = depth_picture(depth).astype(int)
+    assert image.shape == (SIDE, SIDE, 3)
+    near, middle, far, empty = (image[r, c, 0] for r in (0, -1) for c in (0, -1))
+    assert near < middle < far < empty == 255
+    assert abs((far - middle) - (middle - near)) <= 1  # linear in depth
+
+
+def test_a_twig_of_one_texel_stays_in_a_large_depth_map():
+    depth = np.full((1, 2 * SIDE, 2 * SIDE), 0.9, np.float32)
+    depth[0, 301, 500] = 0.1
+    rows, columns = np.nonzero(depth_picture(depth)[..., 0] < 50)
+    assert (rows.tolist(), columns.tolist()) == ([150], [250])
+
+
+def test_six_depth_maps_stand_as_the_faces_of_a_cube():
+    depth = np.ones((6, 4, 4), np.float32)
+    depth[3] = 0.5  # -y: below, in the middle
+    image = depth_picture(depth)
+    assert image.shape == (SIDE, SIDE // 2 * 3, 3)
+    assert (image[SIDE * 3 // 4, SIDE * 3 // 4] < 255).all()
+    assert (image[SIDE // 4, SIDE // 4] == 255).all()
+
+
+def test_an_empty_depth_map_is_white():
+    assert (depth_picture(np.ones((1, 3, 3), np.float32)) == 255).all()

@@ -1,10 +1,16 @@
 """The papers' experiments: printed values as printed, and cases that are measured."""
 
+import itertools
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
 
 from shadowbench import experiment
+from shadowbench.plugins import Registry
+from shadowbench.rows import LONG_FIELDS, ResultRow
+from shadowbench.runner.resolving import resolve_parameters
+from shadowbench.tables.claims import answers_of
 
 
 def test_the_alias_free_papers_table_is_printed_as_it_was() -> None:
@@ -90,3 +96,71 @@ def test_one_map_of_the_same_bytes_stands_beside_the_instanced_papers_twelve() -
         4 * int(v["resolution"]) ** 2 for m in comparison.methods if m.name == "shadow-map" for v in m.expand()
     ]
     assert min(abs(size / twelve - 1.0) for size in of_one_map) < 1e-3
+
+
+def _planned(read: experiment.Experiment, values: set[str]) -> Iterator[ResultRow]:
+    """Yield a row for each of an experiment's cases, of which all are alike in everything that claims ask for."""
+    registry = Registry()
+    number = itertools.count()
+    long_values = {
+        owner: {name.partition(".")[2]: 1.0 for name in values if name.startswith(f"{owner}.")}
+        for owner in LONG_FIELDS[:3]
+    }
+    plain = {
+        name: 1.0 for name in values if name in ResultRow.model_fields and ResultRow.model_fields[name].default is None
+    }
+    times = [f"{phase}_ms" for phase in ("build", "shade", "camera", "static_frame", "dynamic_frame")]
+    plain |= {f"{name}{end}": 1.0 for name in times for end in ("", "_low", "_high")}
+    for comparison in read.comparisons:
+        for scene, light, camera, (width, height), samples, layers, moving in itertools.product(
+            *(comparison.scenes, comparison.lights, comparison.cameras),
+            *(comparison.sizes, comparison.pixel_samples, comparison.layers, comparison.moving),
+        ):
+            for scene_values, method in itertools.product(scene.expand(), comparison.methods):
+                for method_values in method.expand():
+                    yield ResultRow(
+                        run_id="run",
+                        experiment=read.name,
+                        comparison="c",
+                        case_key=f"{next(number)}",
+                        quality_key="q",
+                        scene=scene.name,
+                        scene_parameters=resolve_parameters(registry.scene(scene.name), scene.name, scene_values),
+                        method=method.name,
+                        method_parameters=resolve_parameters(registry.method(method.name), method.name, method_values),
+                        light=light or "",
+                        camera=camera or "",
+                        width=width,
+                        height=height,
+                        pixel_samples=samples,
+                        layers=layers,
+                        moving=moving,
+                        device="cpu",
+                        threads=1,
+                        outcome="ok",
+                        visibility_digest="d",
+                        **(plain | {"triangles": 1, "receivers": width * height}),
+                        **long_values,
+                    )
+
+
+@pytest.mark.parametrize("name", PAPERS)
+def test_every_claim_finds_the_cases_that_decide_it(name: str) -> None:
+    """Whatever the values are, no claim stays open for want of a case, for two in one place, or of a number."""
+    read = experiment.load(name)
+    tests = [test for claim in read.claims for test in claim.tests]
+    values = {value for test in tests for value in (test.value, test.per, test.than_value) if value}
+    rows = list(_planned(read, values))
+    for answer in answers_of(read.name, read.claims, rows):
+        for finding in answer.findings:
+            assert finding.value is not None, f"{answer.name}: {finding.evidence}"
+
+
+@pytest.mark.parametrize("name", PAPERS)
+def test_a_claim_has_words_of_our_own_and_a_source(name: str) -> None:
+    read = experiment.load(name)
+    assert read.claims, "a paper's experiment claims something"
+    for claim in read.claims:
+        assert claim.statement.endswith(".")
+        assert len(claim.statement) <= 250
+        assert "section" in (claim.source or read.source) or "Table" in claim.source or "Figure" in claim.source

@@ -6,9 +6,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+import warp as wp
 from builders import LIGHTS, SUN, box, square
 
+from shadowbench.device import placed_triangles
+from shadowbench.device.launch import Context, kernel_options, launch
+from shadowbench.device.placed_triangles import PlacedTriangles, corners_of
 from shadowbench.errors import SceneError
+from shadowbench.identity import content_digest
+from shadowbench.placed_instances import PlacedInstances
 from shadowbench.scene import (
     Camera,
     DirectionalLight,
@@ -21,7 +27,9 @@ from shadowbench.scene import (
     Scene,
     SpotLight,
 )
-from shadowbench.world import World, place
+from shadowbench.world import World, bounds_of, place
+
+wp.set_module_options(kernel_options(native=True))
 
 CAMERA = Camera((3.0, 4.0, 5.0), (0.0, 0.5, 0.0))
 GROUND = Mesh("ground", *square(2.0))
@@ -193,6 +201,123 @@ def test_bounds_scale_and_diagonal_are_those_of_the_vertices() -> None:
 def test_placing_twice_gives_the_same_bits() -> None:
     scene = _scene(Instance(0), Instance(1, (0.1, 0.2, 0.3), (1.1, 0.9, 1.3), Rotation((1, 2, 3), 33.0)))
     np.testing.assert_array_equal(place(scene).vertices, place(scene).vertices)
+
+
+def _same_world(one: World, other: World) -> None:
+    assert one.origin == other.origin
+    assert one.instances == other.instances
+    assert one.authored == other.authored
+    assert one.scale == other.scale
+    assert content_digest(one) == content_digest(other)
+    for a, b in ((one, other), (one.casters, other.casters)):
+        np.testing.assert_array_equal(a.vertices, b.vertices)
+        np.testing.assert_array_equal(a.triangles, b.triangles)
+        np.testing.assert_array_equal(a.bounds(), b.bounds())
+
+
+@pytest.mark.parametrize("copied_triangles", [1000, 0], ids=["flat", "streamed"])
+@pytest.mark.parametrize("offset", [0.0, 1e6 + 1 / 3], ids=["near", "far"])
+@pytest.mark.parametrize("ground_casts", [True, False])
+def test_a_moved_world_is_the_moved_scene_placed_anew(copied_triangles: int, offset: float, ground_casts: bool) -> None:
+    def at(x: float, turn: float, version: int) -> Instance:
+        place = (offset + x, 0.1, -offset)
+        return Instance(1, place, (1.0, 1.1, 0.9), Rotation((0.2, 1, 0), turn), version=version)
+
+    ground = Instance(0, (offset, 0.0, -offset), casts=ground_casts)
+    before = (ground, at(0.3, 10.0, 0), at(-1.1, 20.0, 0), at(0.9, 0.0, 0))
+    after = (ground, before[1], at(-0.7, 33.0, 1), at(0.8, 45.0, 1))
+    world = place(_scene(*before), copied_triangles=copied_triangles)
+    casters = world.casters
+    moved = world.moved({2: after[2], 3: after[3]})
+    _same_world(moved, place(_scene(*after), copied_triangles=copied_triangles))
+    _same_world(moved.moved({2: before[2], 3: before[3]}), world)
+    assert moved.meshes is world.meshes
+    assert moved.is_flat == (copied_triangles > 0)
+    assert moved.casters is not casters
+    if moved.is_flat:
+        assert moved.triangles is world.triangles
+
+
+def test_what_cannot_move_says_so() -> None:
+    world = place(_scene(Instance(0), Instance(1)))
+    with pytest.raises(SceneError, match="there is no instance 2"):
+        world.moved({2: Instance(1)})
+    with pytest.raises(SceneError, match="moves to no other"):
+        world.moved({1: Instance(0)})
+    with pytest.raises(SceneError, match="reach beyond"):
+        world.moved({1: Instance(1, scale=(1e35, 1, 1))})
+
+
+def _forest() -> Scene:
+    rng = np.random.Generator(np.random.PCG64(4))
+    tree = Mesh("tree", rng.normal(size=(70, 3)), rng.integers(0, 60, (90, 3)).astype(np.int32))
+    soup = Mesh("soup", rng.normal(size=(40, 3)).astype(np.float32), rng.integers(0, 40, (50, 3)).astype(np.int32))
+    trees = [
+        Instance(
+            k % 2,
+            (1e5 + float(x), float(y), float(z)),
+            (float(s), float(s), -float(s)),
+            Rotation((0.1, 1.0, 0.0), 37.0 * k),
+            casts=k % 3 > 0,
+        )
+        for k, (x, y, z, s) in enumerate(rng.uniform(0.5, 9.0, (13, 4)))
+    ]
+    return _scene(Instance(0), *trees, meshes=(tree, soup))
+
+
+def test_streams_look_ups_and_blocks_hold_the_bits_of_numpys_flat_arrays(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(placed_triangles, "BATCH_TRIANGLES", 200)
+    flat, world = place(_forest()), place(_forest(), copied_triangles=0)
+    assert flat.is_flat
+    assert not world.is_flat
+    for threads, (whole, streamed) in enumerate(((flat, world), (flat.casters, world.casters)), start=1):
+        expected = whole.vertices[whole.triangles]
+        found, at, sizes = [], 0, []
+        for batch in streamed.batches(Context(threads=threads)):
+            assert batch.first_triangle == at == streamed.first_triangle[batch.first_instance]
+            at += batch.triangle_count
+            sizes.append(batch.triangle_count)
+            found.append(batch.vertices.numpy()[batch.triangles.numpy().reshape(-1, 3)])  # a copy: fancy indexing
+        assert max(sizes) <= 200
+        assert len(sizes) > 3
+        assert np.concatenate(found).tobytes() == expected.tobytes()
+        numbers = np.random.default_rng(1).permutation(streamed.triangle_count)
+        assert streamed.corners_of(numbers).tobytes() == expected[numbers].tobytes()
+        assert whole.corners_of(numbers).tobytes() == expected[numbers].tobytes()
+        assert _looked_up(streamed, numbers).tobytes() == expected[numbers].tobytes()
+        assert _looked_up(whole, numbers).tobytes() == expected[numbers].tobytes()
+        assert np.concatenate([b.corners for b in streamed.blocks(33)]).tobytes() == expected.tobytes()
+        assert "_flattened" not in streamed.__dict__
+        assert streamed.flat().vertices[streamed.triangles].tobytes() == expected.tobytes()
+    np.testing.assert_array_equal(world.bounds(), bounds_of(flat.vertices))
+    assert world.scale == float(np.abs(flat.vertices).max())
+
+
+@wp.kernel
+def _look_up(first: wp.int32, placed: PlacedTriangles, number: wp.array[wp.int32], corner: wp.array2d[wp.vec3]) -> None:
+    i = wp.tid() + first
+    a, b, c = corners_of(placed, number[i])
+    corner[i, 0] = a
+    corner[i, 1] = b
+    corner[i, 2] = c
+
+
+def _looked_up(placed: PlacedInstances, numbers: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    corner: Any = wp.empty((len(numbers), 3), dtype=wp.vec3, device="cpu")
+    number = wp.array(numbers, dtype=wp.int32, device="cpu")
+    launch(_look_up, len(numbers), [placed.lookup("cpu"), number], [corner], context=Context(threads=2))
+    found: np.ndarray[Any, Any] = corner.numpy()
+    return found
+
+
+def test_streams_may_be_nested_and_left_early() -> None:
+    world = place(_forest(), copied_triangles=0)
+    context = Context()
+    for outer in world.batches(context):
+        kept = outer.vertices.numpy().copy()
+        for _ in world.casters.batches(context):
+            break
+        np.testing.assert_array_equal(outer.vertices.numpy(), kept)
 
 
 def test_device_arrays_hold_the_worlds_numbers_without_a_copy() -> None:

@@ -113,7 +113,7 @@ class RayTraced(Method):
         self, tree: Tree, receivers: Receivers, asked: NDArray[np.bool_], visibility: wp.array[Any], trace: Trace
     ) -> None:
         device = self.context.device
-        on_device, triangles = receivers.on(device), self._casters.world.on(device)
+        on_device, lookup = receivers.on(device), self._casters.world.lookup(device)
         with trace.stage("shadow rays"):
             launch(
                 trace_from_surface,
@@ -123,8 +123,7 @@ class RayTraced(Method):
                     light_point(self._light),
                     wp.vec3d(*receivers.eye),
                     plane_tolerance(self._casters.scale),
-                    triangles.vertices,
-                    triangles.triangles,
+                    lookup,
                     as_warp(asked.view(np.uint8), wp.uint8, device),
                     on_device.position,
                     on_device.triangle,
@@ -138,11 +137,11 @@ class RayTraced(Method):
     ) -> None:
         assert self._tree is not None
         device = self.context.device
-        on_device, triangles = receivers.on(device), self._casters.world.on(device)
+        on_device, lookup = receivers.on(device), self._casters.world.lookup(device)
         turned_away = wp.empty(receivers.count, dtype=wp.uint8, device=device)
         with trace.stage("shadow rays"):
             eye = wp.vec3d(*receivers.eye)
-            inputs = [light_point(self._light), eye, triangles.vertices, triangles.triangles, on_device.triangle]
+            inputs = [light_point(self._light), eye, lookup, on_device.triangle]
             launch(find_turned_away, receivers.count, inputs=inputs, outputs=[turned_away], context=self.context)
             facing = asked & ~turned_away.numpy().astype(bool)
             trace_through(

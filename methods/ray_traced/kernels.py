@@ -3,6 +3,7 @@
 import warp as wp
 
 from shadowbench.device.launch import kernel_options
+from shadowbench.device.placed_triangles import PlacedTriangles, corners_of
 from shadowbench.device.rays import is_blocked, make_ray, surface_ray
 from shadowbench.device.triangle_tree_kernels import Tree
 from shadowbench.device.visibility import LightPoint, is_turned_away
@@ -18,8 +19,7 @@ def trace_from_surface(
     light: LightPoint,
     eye: wp.vec3d,
     tolerance: wp.float64,
-    vertices: wp.array[wp.vec3],
-    indices: wp.array[wp.int32],
+    placed: PlacedTriangles,
     asked: wp.array[wp.uint8],
     position: wp.array[wp.vec3],
     triangle: wp.array[wp.int32],
@@ -31,8 +31,8 @@ def trace_from_surface(
     visibility[i] = 0.0
     if asked[i] == wp.uint8(0):
         return
-    own = 3 * triangle[i]
-    if is_turned_away(vertices[indices[own]], vertices[indices[own + 1]], vertices[indices[own + 2]], eye, light):
+    a, b, c = corners_of(placed, triangle[i])
+    if is_turned_away(a, b, c, eye, light):
         return
     if not is_blocked(tree, surface_ray(light, position[i], tolerance)):
         visibility[i] = 1.0

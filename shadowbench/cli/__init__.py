@@ -12,6 +12,7 @@
     listing.py      list, show
     results.py      table, report
     claims.py       claims
+    pareto.py       pareto
     writing.py      what --output does
     serve.py        serve, export-site
     push.py         push

@@ -13,6 +13,7 @@ from shadowbench.cli.compare import compare
 from shadowbench.cli.doctor import doctor
 from shadowbench.cli.exit_status import ExitStatus
 from shadowbench.cli.listing import list_names, show
+from shadowbench.cli.pareto import pareto
 from shadowbench.cli.push import push
 from shadowbench.cli.results import report, table
 from shadowbench.cli.run import run
@@ -60,6 +61,7 @@ app.command("list")(list_names)
 app.command()(show)
 app.command()(table)
 app.command()(claims)
+app.command()(pareto)
 app.command()(report)
 app.command()(compare)
 app.command()(check)

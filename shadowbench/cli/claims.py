@@ -42,7 +42,7 @@ def claims(
         list[str] | None,
         typer.Option(
             "--claims-of",
-            metavar="EXPERIMENT|FILE.toml",
+            metavar="EXPERIMENT|GROUP|FILE.toml",
             help="Answer the claims that this experiment's file holds now, not those recorded with the run.",
             autocompletion=completion.experiments,
         ),
@@ -77,7 +77,10 @@ def claims(
         rows = store.rows(record.run_id)
     answers = _answers(record, rows, claims_of or [], experiment)
     if not answers:
-        complain(f"no experiment of run {record.run_id} makes a claim")
+        complain(
+            f"no experiment of run {record.run_id} made a claim when it was measured; "
+            "--claims-of NAME takes an experiment's present ones"
+        )
     write_out(render_claims(answers, format), output)
     failing = {Verdict.DOES_NOT_HOLD} | ({Verdict.UNDECIDED} if fail_on == "undecided" else set())
     failed = fail_on is not None and any(answer.verdict in failing for answer in answers)
@@ -87,7 +90,7 @@ def claims(
 def _answers(
     record: RunRecord, rows: list[ResultRow], files: list[str], experiment: str | None
 ) -> tuple[ClaimAnswer, ...]:
-    from shadowbench.experiment import load
+    from shadowbench.experiment_groups import expanded, groups, load_one
     from shadowbench.tables.claims import answer_claims, answers_of
 
     if experiment is not None and experiment not in record.experiments:
@@ -97,7 +100,10 @@ def _answers(
         )
     counts = {str(d.get("name", "")): d.get("case_count") for d in record.definitions}
     answers = answer_claims(record, rows) if not files else ()
-    for read in map(load, files):
+    members = {member for name in files for member in groups().get(name, ())}
+    for read in map(load_one, expanded(files)):
+        if read.name in members and read.name not in counts:
+            continue
         if read.name not in counts:
             raise UsageError(
                 f"the run has no experiment '{read.name}'; {did_you_mean(read.name, counts, noun='experiment')}"

@@ -29,7 +29,7 @@ def experiments(incomplete: str) -> list[str]:
 
 def anything(incomplete: str) -> list[str]:
     """Complete what ``show`` can show."""
-    return _offered(lambda: [*_plugins("method"), *_plugins("scene"), *_experiments()], incomplete)
+    return _offered(lambda: [*_plugins("method"), *_plugins("scene"), *_experiments(), *_topics()], incomplete)
 
 
 def runs(incomplete: str) -> list[str]:
@@ -62,9 +62,24 @@ def change_kinds(incomplete: str) -> list[str]:
     return _offered(_change_kinds, incomplete)
 
 
+def costs(incomplete: str) -> list[str]:
+    """Complete a column that can be a cost."""
+    return _offered(_costs, incomplete)
+
+
+def qualities(incomplete: str) -> list[str]:
+    """Complete a column that can be a quality."""
+    return _offered(_qualities, incomplete)
+
+
 def what_to_list(incomplete: str) -> list[str]:
     """Complete what ``list`` can list."""
     return _offered(_lists, incomplete)
+
+
+def movings(incomplete: str) -> list[str]:
+    """Complete what moves between two frames."""
+    return _offered(_movings, incomplete)
 
 
 def _offered(names: Callable[[], Iterable[str]], incomplete: str) -> list[str]:
@@ -82,8 +97,9 @@ def _plugins(kind: Literal["method", "scene"]) -> list[str]:
 
 def _experiments() -> list[str]:
     from shadowbench.experiment import builtin_names
+    from shadowbench.experiment_groups import groups
 
-    return builtin_names()
+    return [*builtin_names(), *groups()]
 
 
 def _toml_files(incomplete: str) -> list[str]:
@@ -104,6 +120,12 @@ def _formats() -> Iterable[str]:
     from shadowbench.tables import FORMATS
 
     return FORMATS
+
+
+def _movings() -> Iterable[str]:
+    from shadowbench.choices import MOVING
+
+    return MOVING
 
 
 def _comparison_formats() -> Iterable[str]:
@@ -134,3 +156,21 @@ def _claim_failures() -> Iterable[str]:
     from shadowbench.cli.claims import FAILURES
 
     return FAILURES
+
+
+def _costs() -> Iterable[str]:
+    from shadowbench.tables.pareto import COSTS
+
+    return COSTS
+
+
+def _qualities() -> Iterable[str]:
+    from shadowbench.tables.pareto import QUALITIES
+
+    return QUALITIES
+
+
+def _topics() -> Iterable[str]:
+    from shadowbench.cli.listing import TOPICS
+
+    return TOPICS

@@ -6,6 +6,7 @@ nothing here knows any method or scene.
 
 from __future__ import annotations
 
+import importlib
 import inspect
 import sys
 from collections.abc import Iterator, Sequence
@@ -25,6 +26,9 @@ if TYPE_CHECKING:
 
 
 WHAT = ("methods", "scenes", "experiments", "runs")
+
+TOPICS = {"experiment-file": "shadowbench.experiment", "claims": "shadowbench.claim"}
+"""What ``show`` explains besides: the modules whose documentation says how a file is written."""
 
 
 def list_names(
@@ -86,10 +90,13 @@ def _availability(cls: type[Any]) -> str | None:
 
 def _experiment_lines() -> Iterator[tuple[str, ...]]:
     from shadowbench.experiment import builtin_names, load
+    from shadowbench.experiment_groups import groups, title_of
 
     for name in builtin_names():
         experiment = load(name)
         yield name, experiment.title, experiment.source
+    for name, members in groups().items():
+        yield name, f"{title_of(name)} ({len(members)})", ""
 
 
 def _run_lines(results: Path) -> Iterator[tuple[str, ...]]:
@@ -121,12 +128,17 @@ def _style(cell: str) -> str:
 def show(
     name: Annotated[
         str,
-        typer.Argument(metavar="NAME", help="A method, scene or experiment.", autocompletion=completion.anything),
+        typer.Argument(
+            metavar="NAME",
+            help="A method, a scene, an experiment or a group of them.",
+            autocompletion=completion.anything,
+        ),
     ],
     plugin: PluginOption = None,
 ) -> None:
-    """Explain a method, a scene or an experiment."""
+    """Explain a method, a scene, an experiment or a group; experiment-file and claims say how to write your own."""
     from shadowbench import experiment
+    from shadowbench.experiment_groups import groups
     from shadowbench.plugins import Registry
 
     registry = Registry(tuple(plugin or ()))
@@ -136,8 +148,12 @@ def show(
         _show_plugin(entry)
     if name in experiment.builtin_names() or name.endswith(".toml"):
         _show_experiment(experiment.load(name))
+    elif name in groups():
+        _show_group(name, groups()[name])
+    elif name in TOPICS:
+        _paragraphs(inspect.getdoc(importlib.import_module(TOPICS[name])) or "")
     elif not found:
-        known = [*registry.names("method"), *registry.names("scene"), *experiment.builtin_names()]
+        known = [*registry.names("method"), *registry.names("scene"), *experiment.builtin_names(), *groups(), *TOPICS]
         raise UsageError(f"no method, scene or experiment is called '{name}'; {did_you_mean(name, known)}")
 
 
@@ -191,6 +207,8 @@ def _with_defaults(cls: type[Any]) -> Any:
 
 
 def _show_experiment(experiment: Experiment) -> None:
+    from shadowbench.claim import in_words
+
     _heading("experiment", experiment.name, experiment.title)
     _facts([("source", experiment.source)])
     _paragraphs(experiment.description)
@@ -203,15 +221,32 @@ def _show_experiment(experiment: Experiment) -> None:
             ", ".join(f"{width}x{height}" for width, height in c.sizes),
             ", ".join(map(str, c.pixel_samples)),
             ", ".join(map(str, c.layers)),
+            ", ".join(c.moving),
             ", ".join(map(str, c.threads)) or "as the run",
         )
         for c in experiment.comparisons
     ]
     _rows(
-        "Comparisons", ("scenes", "methods", "lights", "cameras", "sizes", "pixel samples", "layers", "threads"), lines
+        "Comparisons",
+        ("scenes", "methods", "lights", "cameras", "sizes", "pixel samples", "layers", "moving", "threads"),
+        lines,
     )
     titles = [(layout.title, ", ".join(layout.values)) for layout in experiment.tables]
     _rows("Tables", ("title", "columns"), titles)
+    claims = [
+        (claim.name, claim.statement, claim.source or experiment.source, "\n".join(map(in_words, claim.tests)))
+        for claim in experiment.claims
+    ]
+    _rows("Claims", ("name", "what is claimed", "source", "holds if"), claims)
+
+
+def _show_group(name: str, members: Sequence[str]) -> None:
+    from shadowbench.experiment import load
+    from shadowbench.experiment_groups import title_of
+
+    _heading("group", name, title_of(name))
+    lines = [(member, read.title, str(len(read.claims))) for member in members for read in [load(member)]]
+    _rows("Experiments", ("name", "title", "claims"), lines)
 
 
 def _heading(kind: str, name: str, title: str) -> None:

@@ -199,6 +199,7 @@ def _settings(experiment: str, view: View | ResultRow, threads: int) -> dict[str
         "size": f"{view.width}x{view.height}",
         "pixel_samples": f"samples a pixel {view.pixel_samples}",
         "layers": f"layers {view.layers}",
+        "moving": f"moving {view.moving}",
         "threads": f"threads {threads}",
     }
 

@@ -11,6 +11,7 @@ from shadowbench.cli import completion
 from shadowbench.cli.console import complain
 from shadowbench.cli.options import DEFAULT_RESULTS, ResultsOption, RunArgument, open_store
 from shadowbench.cli.writing import write_out
+from shadowbench.errors import UsageError
 
 if TYPE_CHECKING:
     from shadowbench.tables import Format
@@ -58,12 +59,26 @@ def report(
             "--output", "-o", metavar="FILE.html", help="Where to; by default beside the run.", show_default=False
         ),
     ] = None,
+    figures: Annotated[
+        Path | None,
+        typer.Option(
+            "--figures", metavar="DIR", help="Write the charts for papers, as PDF and SVG, instead.", show_default=False
+        ),
+    ] = None,
     results: ResultsOption = DEFAULT_RESULTS,
 ) -> None:
-    """Write a run's report, one HTML file to read offline."""
-    from shadowbench.report import default_path, write
+    """Write a run's report, one HTML file to read offline; or with --figures its charts, for papers."""
+    from shadowbench.report import default_path, write, write_figures
 
+    if figures is not None and output is not None:
+        raise UsageError("--figures writes no report: leave out --output, or ask twice")
     with open_store(results) as store:
         record = store.find_run(run)
-        path = write(store, record, output or default_path(store, record))
-    print(path)
+        if figures is None:
+            written = [write(store, record, output or default_path(store, record))]
+        else:
+            written = write_figures(store, record, figures)
+            if not written:
+                complain(f"run {record.run_id} has no chart: no case of it was timed")
+    for path in written:
+        print(path)

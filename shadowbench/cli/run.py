@@ -41,8 +41,8 @@ def run(
     experiment: Annotated[
         list[str] | None,
         typer.Argument(
-            metavar="EXPERIMENT|FILE.toml",
-            help=f"What to measure; '{DEFAULT_EXPERIMENT}' if nothing is said.",
+            metavar="EXPERIMENT|GROUP|FILE.toml",
+            help=f"What to measure; '{DEFAULT_EXPERIMENT}' if nothing is said, 'papers' for all that papers print.",
             autocompletion=completion.experiments,
             show_default=False,
         ),
@@ -85,6 +85,15 @@ def run(
         list[int] | None,
         typer.Option("--layers", metavar="N", min=1, help="Most surfaces a sample sees through translucent ones."),
     ] = None,
+    moving: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--moving",
+            metavar="WHAT",
+            help="What moves between frames: everything, object, light or camera.",
+            autocompletion=completion.movings,
+        ),
+    ] = None,
     device: Annotated[str, typer.Option("--device", metavar="NAME", help="The Warp device.")] = "cpu",
     threads: Annotated[
         list[int] | None,
@@ -117,6 +126,7 @@ def run(
         "sizes": size or [],
         "pixel_samples": pixel_samples or [],
         "layers": layers or [],
+        "moving": moving or [],
         "threads": threads or [],
     }
     given = {
@@ -149,11 +159,12 @@ def experiments_of(names: Sequence[str], choices: dict[str, Any]) -> list[Experi
         ExperimentError: There is no such experiment, or its file is wrong.
         UsageError: An option's text is wrong.
     """
-    from shadowbench.experiment import from_options, load, with_options
+    from shadowbench.experiment import from_options, with_options
+    from shadowbench.experiment_groups import expanded, load_one
 
     if not names and (choices["methods"] or choices["scenes"]):
         return [from_options(**choices)]
-    return [with_options(load(name), **choices) for name in names or (DEFAULT_EXPERIMENT,)]
+    return [with_options(load_one(name), **choices) for name in expanded(names or (DEFAULT_EXPERIMENT,))]
 
 
 def _measure(planned: Plan, results: Path, stream: TextIO | None) -> ExitStatus:
@@ -171,6 +182,7 @@ def _measure(planned: Plan, results: Path, stream: TextIO | None) -> ExitStatus:
         else:
             _print_tables(rows, record)
         _print_outcomes(rows, record)
+        _print_claims(rows, record)
         _write_report(store, record)
     if record.status is RunStatus.INTERRUPTED:
         return ExitStatus.INTERRUPTED
@@ -199,6 +211,16 @@ def _print_outcomes(rows: list[ResultRow], record: RunRecord) -> None:
     if missing > 0:
         line += Text(" (the same command goes on with it)")
     err().print(line, soft_wrap=True)
+
+
+def _print_claims(rows: list[ResultRow], record: RunRecord) -> None:
+    """Say how many of the experiments' claims hold; nothing where none is made."""
+    from shadowbench.tables.claims import answer_claims
+    from shadowbench.tables.claims_text import tally
+
+    answers = answer_claims(record, rows)
+    if answers:
+        err().print(plain(f"claims: {tally(answers)} (shadowbench claims {record.run_id})"), soft_wrap=True)
 
 
 def _write_report(store: Store, record: RunRecord) -> None:

@@ -17,7 +17,8 @@ from shadowbench.device.arrays import as_warp
 from shadowbench.device.blocker_batches import LANES
 from shadowbench.device.launch import Context, kernel_options, launch
 from shadowbench.device.light_samples import exclusive_sums
-from shadowbench.world import Casters, DeviceTriangles
+from shadowbench.device.placed_triangles import TriangleBatch, owner_of
+from shadowbench.world import Casters
 
 wp.set_module_options(kernel_options(native=True))
 
@@ -31,12 +32,14 @@ class BlockerLists:
 
     Attributes:
         corner: Their corners, shape [3 * listed_count] at least, and padding that batches read.
-        number: Their numbers among the casters, shape [listed_count].
+        number: Their numbers in the batch, shape [listed_count].
+        first_number: Added to these, their numbers among the casters.
         first: Where each region's list begins, shape [region_count + 1].
     """
 
     corner: wp.array[wp.vec3]
     number: wp.array[wp.int32]
+    first_number: wp.int32
     first: wp.array[wp.int32]
 
 
@@ -45,11 +48,11 @@ class Transmittances:
     """What triangles let through of red, green and blue.
 
     Attributes:
-        instance: Each caster triangle's instance, shape [triangle_count]; empty where all casters are opaque.
+        first_triangle: Of each casting instance, shape [instance_count + 1]; empty where all casters are opaque.
         of_instance: Each casting instance's transmittance, shape [instance_count].
     """
 
-    instance: wp.array[wp.int32]
+    first_triangle: wp.array[wp.int64]
     of_instance: wp.array[wp.vec3]
 
 
@@ -65,22 +68,26 @@ def list_triangle(
 
 
 @wp.func
+def caster_of(transmittances: Transmittances, triangle: wp.int32):
+    """The instance of a caster triangle, where not all casters are opaque."""
+    return owner_of(wp.int64(triangle), transmittances.first_triangle, transmittances.of_instance.shape[0])
+
+
+@wp.func
 def transmittance_of(transmittances: Transmittances, triangle: wp.int32):
     """A caster triangle's transmittance; 0 for an opaque one."""
     through = wp.vec3(0.0, 0.0, 0.0)
-    if transmittances.instance.shape[0] > 0:
-        through = transmittances.of_instance[transmittances.instance[triangle]]
+    if transmittances.first_triangle.shape[0] > 0:
+        through = transmittances.of_instance[caster_of(transmittances, triangle)]
     return through
 
 
 def transmittances_of(casters: Casters, device: str) -> Transmittances:
     """Return the transmittances of casters' triangles."""
     transmittances = Transmittances()
-    transmittances.instance = wp.empty(0, dtype=wp.int32, device=device)
+    transmittances.first_triangle = wp.empty(0, dtype=wp.int64, device=device)
     if not casters.is_opaque:
-        numbers = np.arange(len(casters.instances), dtype=np.int32)
-        by_triangle = np.repeat(numbers, np.diff(casters.first_triangle))
-        transmittances.instance = as_warp(by_triangle, wp.int32, device)
+        transmittances.first_triangle = as_warp(casters.first_triangle, wp.int64, device)
         by_instance = np.array([i.transmittance for i in casters.instances], np.float32)
         transmittances.of_instance = as_warp(by_instance, wp.vec3, device)
     return transmittances
@@ -88,7 +95,7 @@ def transmittances_of(casters: Casters, device: str) -> Transmittances:
 
 def let_light_through(transmittances: Transmittances) -> bool:
     """Return whether any caster is translucent."""
-    return bool(transmittances.instance.shape[0] > 0)
+    return bool(transmittances.first_triangle.shape[0] > 0)
 
 
 class BlockerBins:
@@ -117,7 +124,7 @@ class BlockerBins:
         self,
         find: wp.Kernel,
         copy_found: wp.Kernel,
-        triangles: DeviceTriangles,
+        triangles: TriangleBatch,
         region_count: int,
         inputs: Sequence[Any],
         *,
@@ -130,7 +137,7 @@ class BlockerBins:
                 uint64 a triangle, of any meaning) and ``count`` (of listed triangles, shape [block, region], zeroed).
             copy_found: Kernel over blocks with inputs ``found``, vertices, indices and ``cursor`` (where each block
                 goes on in each region's list, shape [block, region]) and output ``lists``.
-            triangles: World-space triangles.
+            triangles: Some of the casters.
             region_count: Number of regions.
             inputs: What ``find`` reads.
             extra_counts: More columns of ``count``, for what ``find`` wants to report.
@@ -158,7 +165,7 @@ class BlockerBins:
         first = np.append(begins[0], np.int32(total))
         if self._lists.number.shape[0] < total:
             self._reserve(total + total // 4)
-        self._lists.first = as_warp(first, wp.int32, device)
+        self._lists.first, self._lists.first_number = as_warp(first, wp.int32, device), triangles.first_triangle
         launch(
             copy_found,
             blocks,

@@ -56,6 +56,7 @@ class LayeredRasterizer:
         projection: NDArray[Any],
         *,
         near: float | None,
+        first_triangle: int = 0,
     ) -> None:
         """Draw triangles over what the buffer holds.
 
@@ -65,7 +66,7 @@ class LayeredRasterizer:
             launch(
                 fill_layers,
                 self._bins.band_count,
-                inputs=[*chunk],
+                inputs=[*chunk, first_triangle],
                 outputs=[self.depths, self.ids],
                 context=self._bins.context,
                 cuts=self._bins.cuts,

@@ -52,6 +52,7 @@ def fill_layers(
     triangles: wp.array[wp.int32],
     entry_ends: wp.array2d[wp.int32],
     entries: wp.array[wp.int32],
+    first_triangle: wp.int32,
     # outputs
     depths: wp.array2d[wp.float32],
     ids: wp.array2d[wp.int32],
@@ -91,4 +92,4 @@ def fill_layers(
                                 w = wp.float64(1.0) / (q_start + q.dx * x)
                                 depth = (p_start + p.dx * x) * w
                             z = wp.clamp(wp.float32(depth), wp.float32(low), wp.float32(high))
-                            keep_among_nearest(depths, ids, row * window.width + column, z, t)
+                            keep_among_nearest(depths, ids, row * window.width + column, z, t + first_triangle)

@@ -32,7 +32,7 @@ class DepthMaps:
         self._rasterizers = [
             DepthRasterizer(resolution, resolution, context, depth=self.depth[face]) for face in range(face_count)
         ]
-        self._device = context.device
+        self._context = context
 
     def draw(self, casters: Casters, frames: tuple[Frame, ...], *, slope_bias: float = 0.0) -> None:
         """Draw all casters into every map.
@@ -43,9 +43,12 @@ class DepthMaps:
             slope_bias: Polygon offset's factor: stored depths grow by this many texels' worth of the triangle's
                 larger depth slope.
         """
-        geometry = casters.on(self._device)
-        for rasterizer, frame in zip(self._rasterizers, frames, strict=True):
+        for rasterizer in self._rasterizers:
             rasterizer.clear()
-            rasterizer.draw(
-                geometry.vertices, geometry.triangles, frame.projection, near=frame.near, slope_bias=slope_bias
-            )
+        for batch in casters.batches(self._context):
+            for rasterizer, frame in zip(self._rasterizers, frames, strict=True):
+                rasterizer.draw(
+                    batch.vertices, batch.triangles, frame.projection, near=frame.near, slope_bias=slope_bias
+                )
+        for rasterizer in self._rasterizers:
+            rasterizer.finish()

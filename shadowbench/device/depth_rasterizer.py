@@ -146,6 +146,10 @@ class DepthRasterizer:
             self._is_clear_due = False
         self._clear_if_due()
 
+    def finish(self) -> None:
+        """Empty the buffers if that is due still, since nothing was drawn: for those who hold ``depth``'s memory."""
+        self._clear_if_due()
+
     def _clear_if_due(self) -> None:
         if self._is_clear_due:
             self._depth.fill_(1.0)

@@ -6,6 +6,7 @@ ground truth's shadows to the bit. Work below one fixed cut level is divided amo
 counters do not depend on the number of threads.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -30,6 +31,7 @@ from shadowbench.device.irregular_bsp_kernels import (
 )
 from shadowbench.device.launch import Context, launch
 from shadowbench.device.light_samples import WindowSamples, lay_down
+from shadowbench.device.placed_triangles import TriangleBatch
 from shadowbench.device.sample_scan import (
     SampleArrays,
     bytes_of_samples,
@@ -37,7 +39,6 @@ from shadowbench.device.sample_scan import (
     room_for_samples,
     write_visibility,
 )
-from shadowbench.world import DeviceTriangles
 
 CELL_SAMPLES = 256
 """Most samples in a node that a picture shows (paper, Figure 4)."""
@@ -140,19 +141,26 @@ class IrregularBsp:
         bounds: NDArray[np.float32] = self._bounds.numpy()[1 << level : 2 << level]
         return bounds
 
-    def rasterize(self, triangles: DeviceTriangles) -> BspCounts:
+    def rasterize(self, casters: Iterable[TriangleBatch]) -> BspCounts:
         """Let triangles shadow the samples.
 
         Args:
-            triangles: World-space casters.
+            casters: Their batches, in file order.
         """
-        if triangles.triangle_count == 0:
-            return BspCounts(1 << int(self._tree.levels), 0, 0, 0, 0)
+        was_culled = wp.zeros(2 << int(self._tree.levels), dtype=wp.uint8, device=self.context.device)
+        counts = np.zeros(3, np.int64)
+        for batch in casters:
+            counts += self._rasterize(batch, was_culled)
+        visited, tested, refined = (int(total) for total in counts)
+        culled = int(np.count_nonzero(was_culled.numpy()))
+        return BspCounts(1 << int(self._tree.levels), visited, culled, tested, refined)
+
+    def _rasterize(self, triangles: TriangleBatch, was_culled: wp.array[Any]) -> NDArray[np.int64]:
+        """Return the nodes visited, the samples tested and those refined; sets where culling stopped a triangle."""
         device, regions = self.context.device, 1 << int(self._tree.cut)
         lists, above = self._bins.fill(
             find_subtrees, list_by_subtree, triangles, regions, [self._window.space, self._tree], extra_counts=1
         )
-        was_culled = wp.zeros(2 << int(self._tree.levels), dtype=wp.uint8, device=device)
         counters = wp.empty((regions, 3), dtype=wp.int64, device=device)
         launch(
             rasterize_subtrees,
@@ -168,9 +176,9 @@ class IrregularBsp:
             context=self.context,
             block_size=1,
         )
-        visited, tested, refined = (int(total) for total in counters.numpy().sum(axis=0))
-        culled = int(np.count_nonzero(was_culled.numpy()))
-        return BspCounts(1 << int(self._tree.levels), visited + int(above[0]), culled, tested, refined)
+        total: NDArray[np.int64] = counters.numpy().sum(axis=0)
+        total[0] += above[0]
+        return total
 
     def write(self, visibility: wp.array[Any]) -> None:
         """Set the visibility of all sampled points, float32, shape [point_count] or [point_count, 3]."""
@@ -221,8 +229,15 @@ class BruteForce:
         """Return no box: there is no structure."""
         return np.zeros((0, 4), np.float32)
 
-    def rasterize(self, triangles: DeviceTriangles) -> BspCounts:
+    def rasterize(self, casters: Iterable[TriangleBatch]) -> BspCounts:
         """Let triangles shadow the samples; no node is visited or culled."""
+        counts = np.zeros(2, np.int64)
+        for batch in casters:
+            counts += self._rasterize(batch)
+        tested, refined = (int(total) for total in counts)
+        return BspCounts(0, 0, 0, tested, refined)
+
+    def _rasterize(self, triangles: TriangleBatch) -> NDArray[np.int64]:
         device, space = self.context.device, self._window.space
         geometry = [triangles.vertices, triangles.triangles]
         blockers = wp.empty(triangles.triangle_count, dtype=Blocker, device=device)
@@ -238,12 +253,20 @@ class BruteForce:
         launch(
             rasterize_all,
             blocks,
-            inputs=[space, self._window.position, *geometry, self._transmittances, blockers, self._window.count],
+            inputs=[
+                space,
+                self._window.position,
+                *geometry,
+                self._transmittances,
+                triangles.first_triangle,
+                blockers,
+                self._window.count,
+            ],
             outputs=[self.samples, counters],
             context=self.context,
         )
-        tested, refined = (int(total) for total in counters.numpy().sum(axis=0))
-        return BspCounts(0, 0, 0, tested, refined)
+        total: NDArray[np.int64] = counters.numpy().sum(axis=0)
+        return total
 
     def write(self, visibility: wp.array[Any]) -> None:
         """Set the visibility of all sampled points, float32, shape [point_count] or [point_count, 3]."""

@@ -10,6 +10,7 @@ triangle meets one contiguous run of samples a strip. Two layouts:
 Its weak point is strong clustering in y; the first histogram is fine enough for a ground seen at 600 : 1 depth.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -31,8 +32,8 @@ from shadowbench.device.irregular_strips_kernels import (
 )
 from shadowbench.device.launch import Context, launch
 from shadowbench.device.light_samples import WindowSamples, exclusive_sums, lay_down
+from shadowbench.device.placed_triangles import TriangleBatch
 from shadowbench.device.sample_scan import bytes_of_samples, light_fully, room_for_samples, write_visibility
-from shadowbench.world import DeviceTriangles
 
 FINE_ROWS = 1 << 15
 """Rows of the first histogram, from which strips of equal count are cut."""
@@ -154,14 +155,18 @@ class IrregularStrips:
         low, high = y
         return np.stack([x[:, :-1], low, x[:, 1:], high], axis=-1).reshape(-1, 4).astype(np.float32)
 
-    def rasterize(self, triangles: DeviceTriangles) -> StripCounts:
+    def rasterize(self, casters: Iterable[TriangleBatch]) -> StripCounts:
         """Let triangles shadow the samples.
 
         Args:
-            triangles: World-space casters.
+            casters: Their batches, in file order.
         """
-        if triangles.triangle_count == 0:
-            return StripCounts(0, 0, 0)
+        counts = np.zeros(3, np.int64)
+        for batch in casters:
+            counts += self._rasterize(batch)
+        return StripCounts(*(int(total) for total in counts))
+
+    def _rasterize(self, triangles: TriangleBatch) -> NDArray[np.int64]:
         device = self.context.device
         lists, _ = self._bins.fill(
             find_strips, list_by_strip, triangles, self.strip_count, [self._window.space, self._strip_of_row]
@@ -181,7 +186,8 @@ class IrregularStrips:
             outputs=[self.samples, counters],
             context=self.context,
         )
-        return StripCounts(*(int(total) for total in counters.numpy().sum(axis=0, dtype=np.int64)))
+        total: NDArray[np.int64] = counters.numpy().sum(axis=0, dtype=np.int64)
+        return total
 
     def write(self, visibility: wp.array[Any]) -> None:
         """Set the visibility of all sampled points, float32, shape [point_count] or [point_count, 3]."""

@@ -93,12 +93,11 @@ class LightSamples:
         Raises:
             SceneError: An area light.
         """
-        on_device, triangles = receivers.on(self.context.device), world.on(self.context.device)
+        on_device = receivers.on(self.context.device)
         inputs = [
             wp.vec3d(*receivers.eye),
             plane_tolerance(world.scale),
-            triangles.vertices,
-            triangles.triangles,
+            world.lookup(self.context.device),
             on_device.valid,
             on_device.position,
             on_device.normal,

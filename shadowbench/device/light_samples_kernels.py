@@ -3,6 +3,7 @@
 import warp as wp
 
 from shadowbench.device.launch import kernel_options
+from shadowbench.device.placed_triangles import PlacedTriangles, corners_of
 from shadowbench.device.sample_space import FARTHEST, SampleSpace, sample_of
 from shadowbench.device.visibility import LightPoint, is_turned_away, towards_light
 
@@ -85,13 +86,12 @@ def certain_height(offset: wp.vec3, tolerance: wp.float32):
 def turns_away(
     light: LightPoint,
     eye: wp.vec3d,
-    vertices: wp.array[wp.vec3],
-    indices: wp.array[wp.int32],
+    placed: PlacedTriangles,
     triangle: wp.int32,
 ):
     """Whether a triangle is turned away from a light as the eye sees it, in float64."""
-    own = 3 * triangle
-    return is_turned_away(vertices[indices[own]], vertices[indices[own + 1]], vertices[indices[own + 2]], eye, light)
+    a, b, c = corners_of(placed, triangle)
+    return is_turned_away(a, b, c, eye, light)
 
 
 UNSURE = wp.constant(253)
@@ -198,8 +198,7 @@ def place_receivers_in_sun(
     light: LightPoint,
     eye: wp.vec3d,
     tolerance: wp.float64,
-    vertices: wp.array[wp.vec3],
-    indices: wp.array[wp.int32],
+    placed: PlacedTriangles,
     valid: wp.array[wp.uint8],
     position: wp.array[wp.vec3],
     normal: wp.array[wp.vec3],
@@ -222,7 +221,7 @@ def place_receivers_in_sun(
         for i in range(begin, end):
             if wp.int32(window[i]) == UNSURE:
                 window[i] = wp.uint8(DECIDED)
-                if not turns_away(light, eye, vertices, indices, triangle[i]):
+                if not turns_away(light, eye, placed, triangle[i]):
                     window[i] = wp.uint8(0)
                     count += 1
     sample_count[block, 0] = count
@@ -238,8 +237,7 @@ def place_receivers(
     field: Field,
     eye: wp.vec3d,
     tolerance: wp.float64,
-    vertices: wp.array[wp.vec3],
-    indices: wp.array[wp.int32],
+    placed: PlacedTriangles,
     valid: wp.array[wp.uint8],
     position: wp.array[wp.vec3],
     normal: wp.array[wp.vec3],
@@ -267,7 +265,7 @@ def place_receivers(
             height = wp.dot(normal[i], offset)
             away = height < 0.0
             if wp.abs(height) <= certain:
-                away = turns_away(light, eye, vertices, indices, triangle[i])
+                away = turns_away(light, eye, placed, triangle[i])
             if away:
                 w = DECIDED
         window[i] = wp.uint8(w)

@@ -17,7 +17,7 @@ from shadowbench.device.depth_layers import LayeredRasterizer
 from shadowbench.device.depth_rasterizer import DepthRasterizer
 from shadowbench.device.launch import Context
 from shadowbench.light_space import Frame
-from shadowbench.world import DeviceTriangles
+from shadowbench.world import World
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class SeenSurfaces:
         pixel: ``row * width + column``.
         sample: Index into the pattern.
         layer: 0 for the nearest surface of the sample.
-        triangle: Index into the drawn triangles.
+        triangle: Of the world.
     """
 
     pixel: NDArray[np.int32]
@@ -69,7 +69,7 @@ class PictureSamples:
 
     def __init__(self, width: int, height: int, samples: int, layers: int, context: Context) -> None:
         self.pattern = sample_pattern(samples)
-        self._width, self._height = width, height
+        self._width, self._height, self._context = width, height, context
         self._surfaces: DepthRasterizer | LayeredRasterizer
         if layers == 1:
             self._surfaces = DepthRasterizer(width, height, context, keep_ids=True)
@@ -77,25 +77,33 @@ class PictureSamples:
             self._surfaces = LayeredRasterizer(width, height, layers, context)
         self._seen = np.empty((width * height, samples, layers), dtype=np.int32)
 
-    def find(self, geometry: DeviceTriangles, frame: Frame, is_opaque: NDArray[np.bool_]) -> SeenSurfaces:
+    def find(self, world: World, frame: Frame) -> SeenSurfaces:
         """Draw.
 
         Args:
-            geometry: The world's triangles.
+            world: What is seen; one sees through instances that let light through.
             frame: The camera's.
-            is_opaque: Whether nothing is seen through a triangle, shape [triangle_count].
         """
         seen = self._seen
         for sample, place in enumerate(self.pattern):
             shifted = self._shifted(frame, place)
             self._surfaces.clear()
-            self._surfaces.draw(geometry.vertices, geometry.triangles, shifted.projection, near=shifted.near)
+            for batch in world.batches(self._context):
+                self._surfaces.draw(
+                    batch.vertices,
+                    batch.triangles,
+                    shifted.projection,
+                    near=shifted.near,
+                    first_triangle=batch.first_triangle,
+                )
             ids: Any = self._surfaces.ids
             seen[:, sample] = ids.numpy().reshape(len(seen), -1)
+        is_opaque = np.array([max(i.transmittance) == 0.0 for i in world.instances])
         for layer in range(1, seen.shape[2]):
-            before = seen[:, :, layer - 1]
-            ended = (before < 0) | is_opaque[before]  # -1 takes the last entry, and is ended anyway
-            seen[:, :, layer][ended] = -1
+            before, behind = seen[:, :, layer - 1], seen[:, :, layer]
+            behind[before < 0] = -1
+            there = behind >= 0
+            behind[there] = np.where(is_opaque[world.instance_of(before[there])], -1, behind[there])
         return self._flattened()
 
     def _shifted(self, frame: Frame, place: NDArray[np.float64]) -> Frame:

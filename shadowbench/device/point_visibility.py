@@ -45,9 +45,8 @@ class PointVisibility:
             SceneError: An area light.
         """
         windows = self._samples.place_points(position, self._light, self._casters.scale, visibility)
-        triangles = self._casters.on(self._context.device)
         for window in windows:
             self._strips.transform(window, self._transmittances)
             self._strips.build()
-            self._strips.rasterize(triangles)
+            self._strips.rasterize(self._casters.batches(self._context))
             self._strips.write(visibility)

@@ -11,6 +11,7 @@ the usual offset rays.
 import warp as wp
 
 from shadowbench.device.launch import Context, kernel_options, launch
+from shadowbench.device.placed_triangles import PlacedTriangles, corners_of
 from shadowbench.device.triangle_tree_kernels import LANE_BITS, LANES, MAX_LEVELS, Tree, load_vector
 from shadowbench.device.visibility import (
     LightPoint,
@@ -324,17 +325,15 @@ def find_turned_away(
     # inputs
     light: LightPoint,
     eye: wp.vec3d,
-    vertices: wp.array[wp.vec3],
-    indices: wp.array[wp.int32],
+    placed: PlacedTriangles,
     triangle: wp.array[wp.int32],
     # outputs
     turned_away: wp.array[wp.uint8],
 ):
     """Whether each point's own triangle hides it from the light."""
     i = wp.tid() + first
-    own = 3 * triangle[i]
-    is_away = is_turned_away(vertices[indices[own]], vertices[indices[own + 1]], vertices[indices[own + 2]], eye, light)
-    turned_away[i] = wp.where(is_away, wp.uint8(1), wp.uint8(0))
+    a, b, c = corners_of(placed, triangle[i])
+    turned_away[i] = wp.where(is_turned_away(a, b, c, eye, light), wp.uint8(1), wp.uint8(0))
 
 
 @wp.kernel

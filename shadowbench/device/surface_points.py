@@ -8,6 +8,7 @@ interpolated from its barycentric coordinates, which keeps the stored float32 po
 import warp as wp
 
 from shadowbench.device.launch import kernel_options
+from shadowbench.device.placed_triangles import PlacedTriangles, corners_of, owner_of
 
 wp.set_module_options(kernel_options(native=True))
 
@@ -27,20 +28,6 @@ class PixelRays:
     per_column: wp.vec3d
     per_row: wp.vec3d
     width: wp.int32
-
-
-@wp.func
-def owner_of(triangle: wp.int32, first_triangle: wp.array[wp.int64], instance_count: wp.int32):
-    """The instance whose range of world triangles holds ``triangle``, by bisection."""
-    low = wp.int32(0)
-    high = wp.int32(instance_count)
-    while high - low > 1:
-        middle = (low + high) // 2
-        if first_triangle[middle] <= wp.int64(triangle):
-            low = middle
-        else:
-            high = middle
-    return low
 
 
 @wp.func
@@ -81,9 +68,7 @@ def store_surface_point(
     column: wp.float64,
     row: wp.float64,
     rays: PixelRays,
-    vertices: wp.array[wp.vec3],
-    triangles: wp.array[wp.int32],
-    first_triangle: wp.array[wp.int64],
+    placed: PlacedTriangles,
     receives: wp.array[wp.uint8],
     position: wp.array[wp.vec3],
     normal: wp.array[wp.vec3],
@@ -97,9 +82,10 @@ def store_surface_point(
     d = rays.corner + column * rays.per_column + row * rays.per_row
 
     # relative to the eye, so that the ray starts at the origin
-    a = wp.vec3d(vertices[triangles[3 * t]]) - rays.eye
-    b = wp.vec3d(vertices[triangles[3 * t + 1]]) - rays.eye
-    c = wp.vec3d(vertices[triangles[3 * t + 2]]) - rays.eye
+    corner_a, corner_b, corner_c = corners_of(placed, t)
+    a = wp.vec3d(corner_a) - rays.eye
+    b = wp.vec3d(corner_b) - rays.eye
+    c = wp.vec3d(corner_c) - rays.eye
     w = barycentric(d, a, b, c)
     p = w[0] * a + w[1] * b + w[2] * c
 
@@ -107,7 +93,7 @@ def store_surface_point(
     if wp.dot(n, a) > wp.float64(0.0):  # the eye is behind: turn the normal towards the camera
         n = -n
 
-    owner = owner_of(t, first_triangle, receives.shape[0])
+    owner = owner_of(wp.int64(t), placed.first_triangle, receives.shape[0])
     position[i] = wp.vec3(p + rays.eye)
     normal[i] = wp.vec3(n)
     instance[i] = owner
@@ -129,9 +115,7 @@ def find_surface_points(
     pixels: wp.array[wp.int32],
     seen: wp.array[wp.int32],
     rays: PixelRays,
-    vertices: wp.array[wp.vec3],
-    triangles: wp.array[wp.int32],
-    first_triangle: wp.array[wp.int64],
+    placed: PlacedTriangles,
     receives: wp.array[wp.uint8],
     # outputs
     position: wp.array[wp.vec3],
@@ -153,9 +137,7 @@ def find_surface_points(
         column,
         row,
         rays,
-        vertices,
-        triangles,
-        first_triangle,
+        placed,
         receives,
         position,
         normal,
@@ -176,9 +158,7 @@ def find_sample_points(
     seen: wp.array[wp.int32],
     pattern: wp.array[wp.vec2d],
     rays: PixelRays,
-    vertices: wp.array[wp.vec3],
-    triangles: wp.array[wp.int32],
-    first_triangle: wp.array[wp.int64],
+    placed: PlacedTriangles,
     receives: wp.array[wp.uint8],
     # outputs
     position: wp.array[wp.vec3],
@@ -201,9 +181,7 @@ def find_sample_points(
         column,
         row,
         rays,
-        vertices,
-        triangles,
-        first_triangle,
+        placed,
         receives,
         position,
         normal,

@@ -14,7 +14,7 @@ import numpy as np
 import warp as wp
 
 from shadowbench.device.arrays import as_warp
-from shadowbench.device.blocker_bins import Transmittances, transmittances_of
+from shadowbench.device.blocker_bins import Transmittances, caster_of, transmittances_of
 from shadowbench.device.launch import Context, kernel_options, launch
 from shadowbench.device.rays import (
     Ray,
@@ -96,7 +96,7 @@ def count_crossings(tree: Tree, ray: Ray, glass: Glass, crossings: wp.array[wp.i
         while candidates != wp.uint32(0) and not blocked:
             lane = lowest_lane(candidates)
             candidates = without_lowest(candidates)
-            group = glass.group[glass.of_triangle.instance[tree.triangle[cursor.pack * LANES + lane]]]
+            group = glass.group[caster_of(glass.of_triangle, tree.triangle[cursor.pack * LANES + lane])]
             if group < 0:
                 blocked = crossing_in_pack(tree, ray, cursor.pack, lane) > wp.float64(0.0)
             elif crosses_once(tree, ray, cursor.pack, lane):

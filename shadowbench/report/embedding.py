@@ -1,143 +1,216 @@
-"""Pictures inside the page: stored PNG files made small and turned into ``data:`` addresses.
+"""Pictures inside the page: stored PNG files made small, turned into ``data:`` addresses, within a budget of bytes.
 
-Shaded pictures become lossy WebP. Failure masks (grey with a few exact colours painted on it) become lossless WebP;
-when they are reduced, a pixel keeps a failure colour if *any* of the pixels it stands for has one, so that a thin
-line of failures does not vanish. The bytes of one report are bounded: each picture may use its share of what is left,
-and gets smaller until it fits.
+Who wants a picture asks for it and gets its number; when all have asked, :meth:`PicturePool.encode` shares the budget
+out. References, results and failure masks come first: each may use its share of what is left, and gets smaller until it
+fits. What they leave goes to further pictures (depth maps, error maps, structures), as many as stay legible; the rest
+is left out of the page, and the page says so. A picture that is asked for twice is embedded once.
+
+Shaded pictures become lossy WebP, failure masks (:mod:`.masks`) palette PNG.
 """
 
 from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from enum import IntEnum
 
-import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
 from shadowbench.errors import StoreError
+from shadowbench.report.masks import palette_png
 
 PICTURE_BYTES = 8_000_000
 """What all pictures of one report may take; base64 makes 10.7 MB of it, and 500 cases have 3 MB of text."""
 
-LADDER = ((640, 80), (480, 74), (320, 68), (200, 60))
-"""(width at most [pixels], WebP quality), tried from the best; the last is taken whatever it weighs."""
+MAIN_SHARE = 0.8
+"""References, results and masks may take so much of it."""
 
-_GREY_LEVELS = 24
+SMALLEST_FURTHER = 5_000
+"""A further picture with less room than this is left out rather than made illegible [bytes]."""
+
+LADDER = ((640, 80), (560, 74), (480, 68), (400, 64), (320, 60), (240, 56), (200, 50))
+"""(width at most [pixels], WebP quality), tried from the best; the last is taken whatever it weighs."""
 
 Size = tuple[int, int]
 """Width and height [pixels]."""
 
+Masks = tuple[tuple[str, str], ...]
+"""(failure class, artifact) pairs."""
+
+
+class Priority(IntEnum):
+    """Who is served first."""
+
+    REFERENCE = 0
+    RESULT = 1
+    MASK = 2
+    FURTHER = 3
+
+
+_WEIGHTS = {Priority.REFERENCE: 2.0, Priority.RESULT: 1.0, Priority.MASK: 0.6, Priority.FURTHER: 1.0}
+
+
+@dataclass
+class _Request:
+    number: int
+    source: str | Masks
+    priority: Priority
+
 
 @dataclass(frozen=True)
-class Embedded:
-    """A picture as the page shows it.
+class Pool:
+    """What became of the requests.
 
     Attributes:
-        address: ``data:image/webp;base64,...``.
-        width, height: Size [pixels].
+        addresses: Number -> ``data:image/…`` address.
+        left_out: Numbers of pictures for which there was no room.
+        lost: Numbers of pictures whose artifact is gone or is no picture.
+        reduced_to: Width of the smallest result that had to be made smaller than the first rung allows, 0 for none.
     """
 
-    address: str
-    width: int
-    height: int
+    addresses: dict[int, str] = field(default_factory=dict)
+    left_out: frozenset[int] = frozenset()
+    lost: frozenset[int] = frozenset()
+    reduced_to: int = 0
 
 
-class Embedder:
-    """Turns artifact names into embedded pictures, each name once, within a budget of bytes."""
+class PicturePool:
+    """Collects requests for pictures, then embeds them."""
 
-    def __init__(self, read: Callable[[str], bytes], *, picture_count: int, byte_budget: int) -> None:
-        """Prepare to embed at most ``picture_count`` different pictures.
+    def __init__(self, read: Callable[[str], bytes], byte_budget: int | None = None) -> None:
+        """Prepare an empty pool.
 
         Args:
             read: Gives an artifact's bytes by its name; may raise :class:`StoreError`.
-            picture_count: Different pictures that will be asked for.
-            byte_budget: What they may take together [bytes].
+            byte_budget: What all pictures may take together [bytes]; :data:`PICTURE_BYTES` if not given.
         """
         self._read = read
-        self._pictures_left = picture_count
-        self._bytes_left = byte_budget
-        self._rungs = {False: 0, True: 0}
-        self._done: dict[str, Embedded | None] = {}
+        self._byte_budget = PICTURE_BYTES if byte_budget is None else byte_budget
+        self._requests: dict[str | Masks, _Request] = {}
 
-    def picture(self, artifact: str) -> Embedded | None:
-        """Return a shaded picture, or ``None`` if the artifact is gone or is no picture."""
-        return self._embed(artifact, mask=False)
+    def picture(self, artifact: str, priority: Priority) -> int:
+        """Ask for a shaded picture and return its number; asked for twice, it has the higher priority."""
+        return self._ask(artifact, priority)
 
-    def mask(self, artifact: str) -> Embedded | None:
-        """Return a failure mask, or ``None`` if the artifact is gone or is no picture."""
-        return self._embed(artifact, mask=True)
+    def mask(self, parts: Iterable[tuple[str, str]]) -> int:
+        """Ask for the failure mask made of (failure class, artifact) pairs and return its number."""
+        return self._ask(tuple(parts), Priority.MASK)
 
-    def _embed(self, artifact: str, *, mask: bool) -> Embedded | None:
-        if artifact not in self._done:
-            image = self._open(artifact)
-            self._done[artifact] = None if image is None else self._fitted(image, mask=mask)
-            self._pictures_left -= 1
-        return self._done[artifact]
+    def _ask(self, source: str | Masks, priority: Priority) -> int:
+        request = self._requests.setdefault(source, _Request(len(self._requests) + 1, source, priority))
+        request.priority = min(request.priority, priority)
+        return request.number
 
-    def _fitted(self, image: Image.Image, *, mask: bool) -> Embedded:
-        share = max(self._bytes_left, 0) // max(self._pictures_left, 1)
-        self._rungs[mask], encoded, size = _fitting(image, share, self._rungs[mask], mask=mask)
-        self._bytes_left -= len(encoded)
-        return Embedded("data:image/webp;base64," + base64.b64encode(encoded).decode("ascii"), *size)
+    def encode(self) -> Pool:
+        """Embed what was asked for."""
+        main = [request for request in self._requests.values() if request.priority is not Priority.FURTHER]
+        further = [request for request in self._requests.values() if request.priority is Priority.FURTHER]
+        fitted = _Fitting(self._read)
+        fitted.serve(sorted(main, key=lambda request: request.priority), round(self._byte_budget * MAIN_SHARE))
+        left = self._byte_budget - fitted.byte_count
+        shown = further[: max(0, left) // SMALLEST_FURTHER]
+        fitted.serve(shown, left)
+        return Pool(
+            fitted.addresses,
+            frozenset(request.number for request in further[len(shown) :]),
+            frozenset(fitted.lost),
+            fitted.reduced_to,
+        )
 
-    def _open(self, artifact: str) -> Image.Image | None:
-        try:
-            image = Image.open(io.BytesIO(self._read(artifact)), formats=("PNG",))
-            return image.convert("RGB")
-        except (OSError, StoreError, ValueError, Image.DecompressionBombError):
-            return None  # the page says "no picture" in its place
+
+class _Fitting:
+    """Encodes pictures one after the other, each within its share."""
+
+    def __init__(self, read: Callable[[str], bytes]) -> None:
+        self._read = read
+        self._rungs = dict.fromkeys(Priority, 0)
+        self.addresses: dict[int, str] = {}
+        self.lost: set[int] = set()
+        self.byte_count = 0
+        self.reduced_to = 0
+
+    def serve(self, requests: list[_Request], byte_budget: int) -> None:
+        """Embed pictures that may take ``byte_budget`` together."""
+        weight_left = sum(_WEIGHTS[request.priority] for request in requests)
+        bytes_left = byte_budget
+        for request in requests:
+            share = int(max(bytes_left, 0) * _WEIGHTS[request.priority] / weight_left)
+            weight_left -= _WEIGHTS[request.priority]
+            spent = self._embed(request, share)
+            bytes_left -= spent
+            self.byte_count += spent
+
+    def _embed(self, request: _Request, share: int) -> int:
+        if isinstance(request.source, str):
+            image = opened(self._read, request.source)
+            if image is None:
+                self.lost.add(request.number)
+                return 0
+            self._rungs[request.priority], width, content = _fitting(image, share, self._rungs[request.priority])
+            if request.priority is Priority.RESULT and width < min(image.width, LADDER[0][0]):
+                self.reduced_to = min(width, self.reduced_to or width)
+            kind = "webp"
+        else:
+            masks = {name: opened(self._read, artifact) for name, artifact in request.source}
+            found = {name: image for name, image in masks.items() if image is not None}
+            if not found:
+                self.lost.add(request.number)
+                return 0
+            kind, content = "png", _fitting_mask(found, share)
+        self.addresses[request.number] = f"data:image/{kind};base64," + base64.b64encode(content).decode("ascii")
+        return len(content)
 
 
-def _fitting(image: Image.Image, byte_share: int, first_rung: int, *, mask: bool) -> tuple[int, bytes, Size]:
-    """Return rung, WebP bytes and size of the best rung that fits, or of the last one.
+def opened(read: Callable[[str], bytes], artifact: str) -> Image.Image | None:
+    """Return a stored picture, or ``None`` if it is gone or is no picture: the page says so in its place."""
+    try:
+        image = Image.open(io.BytesIO(read(artifact)), formats=("PNG",))
+        image.load()
+    except (OSError, StoreError, ValueError, SyntaxError, Image.DecompressionBombError):
+        return None
+    return image
+
+
+def _fitting(image: Image.Image, byte_share: int, first_rung: int) -> tuple[int, int, bytes]:
+    """Return rung, width and WebP bytes of the best rung that fits, or of the last one.
 
     Neighbouring pictures weigh alike, so the search begins at ``first_rung``: down until a picture fits, or else up
     while the next better one can be expected to fit, growing as its area.
     """
+    image = image.convert("RGB")
     rung = first_rung
-    size, encoded = _encoded(image, rung, mask=mask)
+    width, encoded = _webp(image, rung)
     while len(encoded) > byte_share and rung + 1 < len(LADDER):
         rung += 1
-        size, encoded = _encoded(image, rung, mask=mask)
+        width, encoded = _webp(image, rung)
     while 0 < rung <= first_rung and len(encoded) * (LADDER[rung - 1][0] / LADDER[rung][0]) ** 2 <= byte_share:
-        better_size, better = _encoded(image, rung - 1, mask=mask)
+        better_width, better = _webp(image, rung - 1)
         if len(better) > byte_share:
             break
-        rung, size, encoded = rung - 1, better_size, better
-    return rung, encoded, size
+        rung, width, encoded = rung - 1, better_width, better
+    return rung, width, encoded
 
 
-def _encoded(image: Image.Image, rung: int, *, mask: bool) -> tuple[Size, bytes]:
+def _webp(image: Image.Image, rung: int) -> tuple[int, bytes]:
     width, quality = LADDER[rung]
-    width = min(width, image.width)
-    size = (width, max(1, round(image.height * width / image.width)))
-    return size, _webp(reduced_mask(image, size), None) if mask else _webp(_reduced(image, size), quality)
-
-
-def _reduced(image: Image.Image, size: Size) -> Image.Image:
-    return image if image.size == size else image.resize(size, Image.Resampling.LANCZOS)
-
-
-def reduced_mask(image: Image.Image, size: Size) -> Image.Image:
-    """Return a mask picture at ``size``: few greys, and every painted colour kept in each pixel it touches."""
-    pixels = np.asarray(image)
-    grey = np.asarray(_reduced(image.convert("L"), size), dtype=np.uint16)
-    step = 256 // _GREY_LEVELS
-    out: NDArray[np.uint8] = np.repeat((grey // step * step + step // 2).clip(0, 255).astype(np.uint8)[..., None], 3, 2)
-    painted = (pixels[..., 0] != pixels[..., 1]) | (pixels[..., 1] != pixels[..., 2])
-    rows, columns = np.nonzero(painted)
-    out[rows * size[1] // image.height, columns * size[0] // image.width] = pixels[rows, columns]
-    return Image.fromarray(out)
-
-
-def _webp(image: Image.Image, quality: int | None) -> bytes:
-    """Return WebP bytes, lossless where ``quality`` is ``None``."""
+    size = _size_within(image.size, width)
     file = io.BytesIO()
-    if quality is None:
-        image.save(file, format="WEBP", lossless=True, quality=20, method=2, exact=True)
-    else:
-        image.save(file, format="WEBP", quality=quality, method=2)
-    return file.getvalue()
+    reduced = image if image.size == size else image.resize(size, Image.Resampling.LANCZOS)
+    reduced.save(file, format="WEBP", quality=quality, method=2)
+    return size[0], file.getvalue()
+
+
+def _fitting_mask(masks: dict[str, Image.Image], byte_share: int) -> bytes:
+    content = b""
+    for width, _ in LADDER:
+        content = palette_png(masks, _size_within(next(iter(masks.values())).size, width))
+        if len(content) <= byte_share:
+            break
+    return content
+
+
+def _size_within(size: Size, width: int) -> Size:
+    width = min(width, size[0])
+    return (width, max(1, round(size[1] * width / size[0])))

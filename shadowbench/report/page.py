@@ -1,8 +1,8 @@
-"""The page itself: Jinja templates, the style and the script inlined, and a policy that forbids everything else.
+"""The page itself: Jinja templates, the style and the scripts inlined, and a policy that forbids everything else.
 
-Every value reaches the page through autoescaping and the ``shown`` filter, which makes control characters visible. The
-Content-Security-Policy names the hashes of the one style and the one script, so that markup which got in by mistake
-could neither run nor load anything.
+Every value reaches the page through autoescaping and the ``shown`` filter, which makes control characters visible, or
+as JSON in which no ``<`` is left. The Content-Security-Policy names the hashes of the one style and the one script, so
+that markup which got in by mistake could neither run nor load anything.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import base64
 import functools
 import hashlib
+import json
 from importlib import resources
 from typing import TYPE_CHECKING, Any
 
@@ -17,19 +18,24 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from shadowbench.pictures import FAILURE_COLOURS
-from shadowbench.report import wording
+from shadowbench.report import svg, wording
 from shadowbench.rows import OUTCOME_MEANINGS, Outcome
+from shadowbench.tables.claims import Verdict
 from shadowbench.tables.numbers import number_text
+from shadowbench.tables.plain_text import shortened
 
 if TYPE_CHECKING:
     from shadowbench.tables.table import Cell
+
+SCRIPTS = ("theme.js", "tables.js", "masks.js", "gallery.js", "case.js", "downloads.js")
+"""Joined into the page's one script, in this order."""
 
 _MEANINGS = {
     "false_lit": "in shadow, shown lit",
     "peter_panning": "false lit away from shadow edges, its blocker near",
     "false_shadow": "lit, shown in shadow",
     "acne": "false shadow away from shadow edges",
-    "classified": "a failure by the method's own test",
+    "classified": "a failure by the method's own test; painted below the others",
 }
 
 LEGEND = [
@@ -39,9 +45,16 @@ LEGEND = [
 """(name, colour, meaning) of what the failure pictures show."""
 
 
-def render(**content: Any) -> str:
-    """Return the whole page; ``content`` is what the templates name."""
-    style, script = _static("report.css"), _static("report.js")
+def render(*, content: Any, pictures: Any, **more: Any) -> str:
+    """Return the whole page.
+
+    Args:
+        content: What the script needs of views and cases, as JSON values.
+        pictures: Picture number -> address.
+        more: What the templates name.
+    """
+    style = _static("report.css")
+    script = "\n".join(['"use strict";', *map(_static, SCRIPTS)])
     policy = (
         f"default-src 'none'; img-src data:; style-src '{_hash(style)}'; script-src '{_hash(script)}'; "
         "base-uri 'none'; form-action 'none'"
@@ -50,10 +63,12 @@ def render(**content: Any) -> str:
     return template.render(
         policy=Markup(policy),  # noqa: S704 - our own constants; quotes in it are single
         style=Markup(style),  # noqa: S704 - a file of this package
-        script=Markup(script),  # noqa: S704 - a file of this package
+        script=Markup(script),  # noqa: S704 - files of this package
+        content=_json(content),
+        pictures=_json(pictures),
         legend=LEGEND,
         meanings=OUTCOME_MEANINGS,
-        **content,
+        **more,
     )
 
 
@@ -66,7 +81,18 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters.update(shown=wording.shown, tone=_tone, mark=_mark, sort_value=_sort_value, interval=_interval)
+    environment.filters.update(
+        shown=wording.shown,
+        brief=shortened,
+        tone=_tone,
+        mark=_mark,
+        verdict_tone=_verdict_tone,
+        verdict_mark=_verdict_mark,
+        sort_value=_sort_value,
+        interval=_interval,
+        drawn=svg.drawn,
+        legend_of=svg.legend,
+    )
     return environment
 
 
@@ -78,6 +104,12 @@ def _hash(text: str) -> str:
     return "sha256-" + base64.b64encode(hashlib.sha256(text.encode("utf-8")).digest()).decode("ascii")
 
 
+def _json(value: Any) -> Markup:
+    """Return JSON that stands in a ``script`` element: ASCII, and without a ``<`` that could end it."""
+    text = json.dumps(value, separators=(",", ":")).replace("<", "\\u003c")
+    return Markup(text)  # noqa: S704 - cannot end its element
+
+
 def _tone(outcome: Outcome) -> str:
     """The class that colours an outcome."""
     return "is-failed" if outcome.is_failure else f"is-{outcome.value}"
@@ -86,6 +118,14 @@ def _tone(outcome: Outcome) -> str:
 def _mark(outcome: Outcome) -> str:
     """A sign beside the colour, for readers who cannot tell colours apart."""
     return "\u2715" if outcome.is_failure else "\u2713" if outcome is Outcome.OK else "\u2013"
+
+
+def _verdict_tone(verdict: Verdict) -> str:
+    return {Verdict.HOLDS: "is-ok", Verdict.DOES_NOT_HOLD: "is-failed"}.get(verdict, "is-skipped")
+
+
+def _verdict_mark(verdict: Verdict) -> str:
+    return {Verdict.HOLDS: "\u2713", Verdict.DOES_NOT_HOLD: "\u2715"}.get(verdict, "?")
 
 
 def _sort_value(cell: Cell) -> Markup:

@@ -13,11 +13,18 @@ from dataclasses import dataclass
 from typing import Any
 
 from shadowbench.report import wording
-from shadowbench.report.cases import Card, Facts, SceneView
+from shadowbench.report.cards import Card, Facts
+from shadowbench.report.embedding import Pool
+from shadowbench.report.views import SceneView
 from shadowbench.rows import Outcome, ResultRow, RunRecord, RunStatus, own_libraries
+from shadowbench.tables.claims import ClaimAnswer
+from shadowbench.tables.claims import Verdict as ClaimVerdict
 
 _NAMED = 3
 """Cases that are named; of more, only the number is said."""
+
+_MOST_TITLES = 2
+"""Experiments whose titles make the page's."""
 
 _FIGURE = re.compile(r"\d+(?:\.\d+)?")
 
@@ -77,10 +84,26 @@ class Warned:
 
 @dataclass(frozen=True)
 class Summary:
-    """The head of the page."""
+    """The head of the page.
+
+    Attributes:
+        title: What was measured.
+        subtitle: The experiments' names, where the title does not say them.
+        tallies: How the cases ended.
+        claims: (verdict, number of claims).
+        extent: (number, what) of what was compared.
+        verdicts: What won, by view.
+        notices: What a reader must know before believing any of it.
+        warnings: Of all cases, the same one once.
+        facts: When and where.
+        environment: Everything that was recorded about it.
+    """
 
     title: str
+    subtitle: str
     tallies: list[Tally]
+    claims: list[tuple[ClaimVerdict, int]]
+    extent: list[tuple[int, str]]
     verdicts: list[Verdict]
     notices: list[str]
     warnings: list[Warned]
@@ -88,23 +111,49 @@ class Summary:
     environment: Facts
 
 
-def summarize(run: RunRecord, rows: Sequence[ResultRow], views: Sequence[SceneView]) -> Summary:
-    """Return the head of the page for a run, its rows and its gallery."""
+def summarize(
+    run: RunRecord,
+    rows: Sequence[ResultRow],
+    views: Sequence[SceneView],
+    claims: Sequence[ClaimAnswer] = (),
+    pool: Pool | None = None,
+    notices: Sequence[str] = (),
+) -> Summary:
+    """Return the head of the page.
+
+    Args:
+        run, rows: What was measured.
+        views: The gallery.
+        claims: With their verdicts.
+        pool: What became of the pictures.
+        notices: What else a reader must know.
+    """
     outcomes = Counter(row.outcome for row in rows)
+    titles = _titles(run)
+    answers = Counter(claim.verdict for claim in claims)
     return Summary(
-        title=run.title or _titles(run),
+        title=run.title or _title(titles),
+        subtitle=", ".join(run.experiments) if run.title or len(titles) > _MOST_TITLES else "",
         tallies=[Tally(outcome, outcomes[outcome]) for outcome in Outcome if outcomes[outcome]],
+        claims=[(verdict, answers[verdict]) for verdict in ClaimVerdict if answers[verdict]],
+        extent=_extent(rows, views),
         verdicts=[verdict for verdict in map(_verdict, views) if verdict.fastest is not None],
-        notices=_notices(run, rows),
+        notices=[*_notices(run, rows), *notices, *_picture_notices(pool or Pool())],
         warnings=_warnings(views),
         facts=_facts(run),
         environment=[*flattened(run.environment), *own_libraries(run, rows).items()],
     )
 
 
-def _titles(run: RunRecord) -> str:
+def _titles(run: RunRecord) -> list[str]:
     known = {definition.get("name"): definition.get("title") for definition in run.definitions}
-    return ", ".join(str(known.get(name) or name) for name in run.experiments) or "shadowbench run"
+    return [str(known.get(name) or name) for name in run.experiments]
+
+
+def _title(titles: Sequence[str]) -> str:
+    if len(titles) > _MOST_TITLES:
+        return f"{titles[0]}, and {len(titles) - 1} more experiments"
+    return ", ".join(titles) or "shadowbench run"
 
 
 def _warnings(views: Sequence[SceneView]) -> list[Warned]:
@@ -177,6 +226,28 @@ def _notices(run: RunRecord, rows: Sequence[ResultRow]) -> list[str]:
     if failed:
         notices.append(f"{failed} {'case' if failed == 1 else 'cases'} failed; each says why in its place below.")
     return notices
+
+
+def _picture_notices(pool: Pool) -> list[str]:
+    """Say what the page's bound on its size cost its pictures."""
+    notices = []
+    if pool.reduced_to:
+        notices.append(f"To keep this page small, pictures are as little as {pool.reduced_to} pixels wide.")
+    if pool.left_out:
+        notices.append(
+            f"To keep this page small, {len(pool.left_out)} of the maps, errors and structures that cases show besides "
+            "their result were left out; each case says which."
+        )
+    return notices
+
+
+def _extent(rows: Sequence[ResultRow], views: Sequence[SceneView]) -> list[tuple[int, str]]:
+    counts = [
+        (len({row.experiment for row in rows}), "experiment"),
+        (len({row.method for row in rows}), "method"),
+        (len(views), "view"),
+    ]
+    return [(count, noun if count == 1 else f"{noun}s") for count, noun in counts if count]
 
 
 def _facts(run: RunRecord) -> Facts:

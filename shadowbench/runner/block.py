@@ -144,6 +144,7 @@ class Block:
             "entries": self._entries,
             "light": case.view.light,
             "camera": case.view.camera,
+            "moving": case.view.moving,
             "method": case.method,
             "parameters": case.method_parameters,
             "device": case.device,

@@ -22,7 +22,8 @@ _ALIGNMENT = 64
 
 _NUMPY_NAMES = frozenset({"ndarray", "dtype", "scalar", "_frombuffer", "_reconstruct"})
 _MODEL_MODULES = frozenset(
-    f"shadowbench.{name}" for name in ("scene", "world", "receivers", "reference", "filtered_reference")
+    f"shadowbench.{name}"
+    for name in ("scene", "placed_instances", "world", "receivers", "reference", "filtered_reference")
 )
 
 

@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 from shadowbench.contract import filter_breaches, visibility_breaches
 from shadowbench.device.launch import Context, synchronize
 from shadowbench.errors import InvalidResultError
-from shadowbench.light_space import camera_frame
-from shadowbench.method import Changes, Method, Trace, View
+from shadowbench.method import Method, Trace, View
 from shadowbench.metrics import measure, measure_likeness
+from shadowbench.motion import Moment, everything_changed, moment_before
 from shadowbench.parameters import parse_parameters
 from shadowbench.pictures import case_pictures, png
 from shadowbench.runner.cache import Cache
@@ -69,6 +69,7 @@ class CaseHost:
         entries: dict[str, str],
         light: str,
         camera: str,
+        moving: str,
         method: str,
         parameters: dict[str, Any],
         device: str,
@@ -80,6 +81,7 @@ class CaseHost:
             cache: The cache's folder.
             entries: Names of ``world``, ``receivers`` and ``reference`` in it.
             light, camera: Names in the world.
+            moving: What moves between two frames, of :data:`shadowbench.choices.MOVING`.
             method: Its name.
             parameters: All of its parameters.
             device, threads: Where to run.
@@ -102,11 +104,8 @@ class CaseHost:
             reason = self._method.supports(self._world, self._light)
         if reason is not None:
             return {"skipped": reason}
-        seen_by = self._world.cameras[camera]
-        size = self._receivers.width, self._receivers.height
-        self._view = View(seen_by, *size, camera_frame(seen_by, *size, self._world))
-        everything = frozenset(range(len(self._world.casters.instances)))
-        self._changes = Changes(light=True, instances=everything, view=True)
+        self._now = Moment(self._world, self._light, self._world.cameras[camera])
+        self._before, self._changes = moment_before(self._now, moving)
         shape = (self._receivers.count,) if self._world.casters.is_opaque else (self._receivers.count, 3)
         unwritten = np.full(shape, np.nan, dtype=np.float32)
         self._unwritten: wp.array[Any] = wp.array(unwritten, dtype=wp.float32, device=device)
@@ -132,7 +131,8 @@ class CaseHost:
             durations = self._frame(tell=warm_up.frames == 0)
             warm_up.add(sum(durations))
         build, shade = map(repeats_for, durations) if repeats is None else repeats
-        self._repeats = build, shade
+        moves = self._before is not self._now  # and has moved once one build is over
+        self._repeats = 1 if moves else build, shade
         gc.collect()
         gc.freeze()  # what is alive now need not be looked at again while the clock runs
         return {
@@ -249,18 +249,20 @@ class CaseHost:
     def _frame(self, repeats: tuple[int, int] = (1, 1), *, tell: bool = False) -> tuple[float, float]:
         """Build and shade, each as often as ``repeats`` says; return the durations of one of each [ms]."""
         assert self._method is not None
+        if self._before is not self._now:
+            self._step_back(tell=tell)
         wp.copy(self._visibility, self._unwritten)
         synchronize(self._context)
         # a trace for every repeat, made beforehand; the last of build() is the first of shade()
         builds, shades = ([Trace(self._context) for _ in range(count)] for count in repeats)
         trace = self._trace = shades[0] = builds[-1]
-        casters = self._world.casters
+        casters, view = self._now.world.casters, self._view(self._now)
         with _without_collection():
             if tell:
                 self._tell_phase("build")
             build_begin = time.perf_counter()
             for build_trace in builds:
-                self._method.build(casters, self._light, self._view, self._changes, build_trace)
+                self._method.build(casters, self._now.light, view, self._changes, build_trace)
             synchronize(self._context)
             build_end = time.perf_counter()
             built_stages = dict(trace.stages)
@@ -277,6 +279,18 @@ class CaseHost:
         self._last_ms = build_ms + shade_ms
         self._check(trace)
         return build_ms, shade_ms
+
+    def _step_back(self, *, tell: bool) -> None:
+        """Have the method build for the frame before, so that what moves has moved when the clock starts."""
+        assert self._method is not None
+        if tell:
+            self._tell_phase("build before anything moves")
+        before = self._before
+        changes = everything_changed(before.world) if self._first is None else self._changes
+        self._method.build(before.world.casters, before.light, self._view(before), changes, Trace(self._context))
+
+    def _view(self, moment: Moment) -> View:
+        return moment.view(self._receivers.width, self._receivers.height)
 
     def _check(self, trace: Trace) -> None:
         """Hold a result to the contract and to the first result."""

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
+from shadowbench.choices import EVERYTHING
 from shadowbench.rows import Outcome, ResultRow
 
 if TYPE_CHECKING:
@@ -81,6 +82,7 @@ class View:
         width, height: Size of the picture [pixels].
         pixel_samples: Samples of every pixel.
         layers: Most surfaces that a sample sees.
+        moving: What moves between two frames.
         notes: The scene's warnings.
     """
 
@@ -95,12 +97,14 @@ class View:
     height: int
     pixel_samples: int = 1
     layers: int = 1
+    moving: str = EVERYTHING
     notes: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         text = f"{self.scene}, light '{self.light}', camera '{self.camera}', {self.width}x{self.height}"
         text += f", {self.pixel_samples} samples a pixel" if self.pixel_samples > 1 else ""
-        return text + (f", {self.layers} layers" if self.layers > 1 else "")
+        text += f", {self.layers} layers" if self.layers > 1 else ""
+        return text + (f", moving {self.moving}" if self.moving != EVERYTHING else "")
 
 
 @dataclass(frozen=True)

@@ -94,7 +94,7 @@ def _least_case_count(comparison: Comparison) -> int:
     choices = [sum(_sweep_size(c) for c in those) for those in (comparison.scenes, comparison.methods)]
     others = (
         *(comparison.lights, comparison.cameras, comparison.sizes),
-        *(comparison.pixel_samples, comparison.layers, comparison.threads),
+        *(comparison.pixel_samples, comparison.layers, comparison.moving, comparison.threads),
     )
     return math.prod(max(1, count) for count in (*choices, *map(len, others)))
 
@@ -110,6 +110,11 @@ class Picture(NamedTuple):
     height: int
     pixel_samples: int
     layers: int
+
+
+def picture_of(view: View) -> Picture:
+    """Return a view's picture."""
+    return Picture(view.width, view.height, view.pixel_samples, view.layers)
 
 
 class _Resolver:
@@ -160,10 +165,10 @@ class _Resolver:
                     f"{picture.width}x{picture.height} pixels of {picture.pixel_samples} samples and {picture.layers}"
                     f" layers are {math.prod(picture):,} receivers, more than {MOST_RECEIVERS:,}; ask for fewer"
                 )
-        dimensions = (scenes, comparison.lights, comparison.cameras, pictures, threads)
+        dimensions = (scenes, comparison.lights, comparison.cameras, pictures, comparison.moving, threads)
         grouped = []
-        for scene, light, camera, picture, thread_count in itertools.product(*dimensions):
-            view, obstacle = self._view(*scene, light, camera, picture)
+        for scene, light, camera, picture, moving, thread_count in itertools.product(*dimensions):
+            view, obstacle = self._view(*scene, light, camera, picture, moving)
             grouped.append(
                 [
                     self._case(experiment, view, obstacle, method, values, thread_count)
@@ -173,7 +178,13 @@ class _Resolver:
         return grouped
 
     def _view(
-        self, name: str, values: dict[str, Any], light: str | None, camera: str | None, picture: Picture
+        self,
+        name: str,
+        values: dict[str, Any],
+        light: str | None,
+        camera: str | None,
+        picture: Picture,
+        moving: str,
     ) -> tuple[tuple[View, dict[str, Any]], Obstacle | None]:
         """Return a view, the part of its scene's parameters that keys hold, and what keeps it from being drawn."""
         self._must_exist("scene", name)
@@ -197,6 +208,7 @@ class _Resolver:
             height=picture.height,
             pixel_samples=picture.pixel_samples,
             layers=picture.layers,
+            moving=moving,
             notes=tuple(world["notes"]),
         )
         return (view, scene["portable_parameters"]), obstacle
@@ -223,7 +235,7 @@ class _Resolver:
         quality_key = key_of(
             {
                 "scene": [view.scene, scene_parameters, view.content or view.world_key],
-                "view": [view.light, view.camera, view.width, view.height, view.pixel_samples, view.layers],
+                "view": [view.light, view.camera, *picture_of(view), view.moving],
                 "method": [method, parameters, described["code"]],
                 "platform": [self._device["kind"], self._device["warp"], described["libraries"]],
                 "truth": [self._device["truth"], self._device["measures"]],

@@ -161,6 +161,7 @@ def _common(case: Case, run: RunRecord) -> dict[str, Any]:
         "height": view.height,
         "pixel_samples": view.pixel_samples,
         "layers": view.layers,
+        "moving": view.moving,
         "device": case.device,
         "threads": case.threads,
         "warnings": list(view.notes),

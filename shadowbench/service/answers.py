@@ -8,7 +8,7 @@ from typing import Any
 
 from shadowbench import tables
 from shadowbench.errors import ExperimentError
-from shadowbench.report.cases import reproduce_command
+from shadowbench.report.cards import reproduce_command
 from shadowbench.report.summary import flattened
 from shadowbench.rows import ResultRow, RunRecord, method_label
 from shadowbench.service.problems import Problem

@@ -29,7 +29,7 @@ def _hash(text: str) -> str:
 
 
 STYLE = _file("shadowbench.report", "report.css") + _file("shadowbench.service", "service.css")
-SCRIPT = _file("shadowbench.report", "report.js")
+SCRIPT = '"use strict";\n' + _file("shadowbench.report", "tables.js") + _file("shadowbench.service", "service.js")
 
 POLICY = (
     f"default-src 'none'; img-src 'self' data:; style-src '{_hash(STYLE)}'; script-src '{_hash(SCRIPT)}'; "

@@ -11,7 +11,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-VIEW_FIELDS = ("scene", "scene_parameters", "light", "camera", "width", "height", "pixel_samples", "layers")
+VIEW_FIELDS = ("scene", "scene_parameters", "light", "camera", "width", "height", "pixel_samples", "layers", "moving")
 """What rows must share for their measures to be compared."""
 
 TECHNIQUE_FIELDS = ("method", "method_parameters", "device", "threads")

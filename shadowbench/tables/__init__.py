@@ -8,13 +8,14 @@
     table.py      Table, Header, Cell: what every format is written from
     printed.py    a source's printed numbers beside ours, and the ratio
     making.py     rows + layout -> Table
+    verdicts.py   a case's times against those of its comparison's first case, judged over the table
     numbers.py    significant digits, percentages, bytes
     plain_text.py names that are safe to print
     terminal.py csv_text.py markup.py json_text.py    the formats
     quantities.py a number with its interval, and the ratio of two
     decisions.py  whether numbers are what a claim says
-    claim_tests.py claims.py claims_text.py    claims answered: one test, all of a run, and written
-    pareto.py     cost against quality: which methods no other beats on both
+    claim_groups.py claim_tests.py claims.py claims_text.py    claims answered: a test's cases, one test, all of a run
+    pareto.py pareto_tables.py    cost against quality: which methods no other beats on both, and as tables
     frames.py     a pandas DataFrame for notebooks
     matching.py comparing.py changed_times.py    two runs, case by case; comparison_text.py writes it
 

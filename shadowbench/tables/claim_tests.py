@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 
-from shadowbench.claim import COMPARISONS, COURSES, POWER, Conditions, Test
-from shadowbench.errors import did_you_mean
+from shadowbench.claim import COMPARISONS, COURSES, POWER, Test, bare, conditions_in_words, shown
 from shadowbench.rows import Outcome, ResultRow, method_label
-from shadowbench.tables.columns import ROW_COLUMNS, Scalar, header_unit, parameter_names, unit_of, value_of
+from shadowbench.tables.claim_groups import Group, group_names, groups_of, meets, nothing_meets
+from shadowbench.tables.columns import header_unit, parameter_names, unit_of, value_of
 from shadowbench.tables.decisions import Decision, OpenQuestion, Verdict, compared, course, crossed, power
+from shadowbench.tables.layout import SETTING
 from shadowbench.tables.numbers import number_text
-from shadowbench.tables.quantities import Quantity, divided, exact, quantity_of, ratio_of
-
-SETTING = ("scene", "light", "camera", "size", "pixel_samples", "layers", "device", "threads")
+from shadowbench.tables.quantities import Quantity, divided, exact, quantity_of, ratio_of, scaled
 
 
 @dataclass(frozen=True)
@@ -31,6 +29,7 @@ class Finding:
             none.
         case_keys: The cases.
         margin: How far the figure lies from the bound: 0 is on it.
+        p_value: How probable so far a figure is where the truth lies on the bound; ``None`` for exact figures.
     """
 
     group: str
@@ -42,20 +41,7 @@ class Finding:
     high: float | None = None
     case_keys: tuple[str, ...] = ()
     margin: float = 0.0
-
-
-@dataclass
-class _Group:
-    """Cases that are alike but for what a test compares.
-
-    Attributes:
-        key: What they have in common, by column; a side's own columns begin with ``of`` or ``than``.
-        ones, others: The two sides.
-    """
-
-    key: dict[str, Any]
-    ones: list[ResultRow] = field(default_factory=list)
-    others: list[ResultRow] = field(default_factory=list)
+    p_value: float | None = None
 
 
 def findings_of(test: Test, rows: Sequence[ResultRow]) -> list[Finding]:
@@ -69,124 +55,20 @@ def findings_of(test: Test, rows: Sequence[ResultRow]) -> list[Finding]:
     ones = [row for row in cases if meets(row, test.of)]
     quantity = _quantity_text(test)
     if not ones:
-        return [Finding("", quantity, Verdict.UNDECIDED, _nothing_meets(rows, test.where | test.of))]
+        return [Finding("", quantity, Verdict.UNDECIDED, nothing_meets(rows, test.where | test.of))]
     other_side = test.than if test.than is not None else test.relative_to
     others = [row for row in cases if meets(row, other_side)] if other_side is not None else []
     if other_side is not None and not others:
-        return [Finding("", quantity, Verdict.UNDECIDED, _nothing_meets(rows, test.where | other_side))]
-    groups = _groups(test, ones, others)
-    names = _group_names(groups)
+        return [Finding("", quantity, Verdict.UNDECIDED, nothing_meets(rows, test.where | other_side))]
+    groups = groups_of(test, ones, others)
+    names = group_names(groups)
     return [_finding(test, group, name, quantity) for name, group in zip(names, groups, strict=True)]
-
-
-def meets(row: ResultRow, conditions: Conditions) -> bool:
-    """Return whether a case has these values, or for a list one of them."""
-    return all(
-        value_of(row, name) in wanted if isinstance(wanted, list) else value_of(row, name) == wanted
-        for name, wanted in conditions.items()
-    )
-
-
-def _nothing_meets(rows: Sequence[ResultRow], conditions: Conditions) -> str:
-    """Say which condition no case meets, or that none meets them all."""
-    if not rows:
-        return "no case has been measured"
-    parameters = parameter_names(rows)
-    for name, wanted in conditions.items():
-        values = {value_of(row, name) for row in rows}
-        if values == {None}:
-            bare = name.removeprefix("method.").removeprefix("scene.")
-            return f"no case has '{name}'; {did_you_mean(bare, [*parameters, *ROW_COLUMNS], noun='name')}"
-        if not any(value in (wanted if isinstance(wanted, list) else [wanted]) for value in values):
-            return f"no case has {name} {_shown(wanted)}"
-    return f"no case has {_conditions_text(conditions)}"
-
-
-# Groups
-
-
-def _groups(test: Test, ones: Sequence[ResultRow], others: Sequence[ResultRow]) -> list[_Group]:
-    """Return the groups: what is alike, then each part of one side with each part of the other."""
-    other_side = test.than if test.than is not None else test.relative_to or {}
-    compared_by = {*test.of, *other_side, test.over}
-    shared = [name for name in dict.fromkeys((*SETTING, *test.each)) if name not in compared_by]
-    alike: dict[tuple[Any, ...], _Group] = {}
-    for side, rows in (("ones", ones), ("others", others)):
-        for row in rows:
-            key = {name: _scene(row, test) if name == "scene" else value_of(row, name) for name in shared}
-            getattr(alike.setdefault(tuple(key.values()), _Group(key)), side).append(row)
-    own = [name for name in test.each if name in test.of]
-    their_own = [name for name in test.each if name in other_side]
-    return [
-        _Group(group.key | key | their_key, part, their_part)
-        for group in alike.values()
-        for key, part in _parts(group.ones, own, "of")
-        for their_key, their_part in _parts(_other_cases(test, part, group.others), their_own, "than")
-    ]
-
-
-def _other_cases(test: Test, ones: list[ResultRow], others: list[ResultRow]) -> list[ResultRow]:
-    """Return what cases are compared with: those of the other side, or themselves in another column."""
-    return ones if test.than_value is not None and test.than is None else others
-
-
-def _parts(
-    rows: list[ResultRow], columns: Sequence[str], side: str
-) -> Iterator[tuple[dict[str, Any], list[ResultRow]]]:
-    parts: dict[tuple[Any, ...], list[ResultRow]] = {}
-    for row in rows:
-        parts.setdefault(tuple(value_of(row, name) for name in columns), []).append(row)
-    for values, part in (parts or {(): []}).items():
-        yield {f"{side} {name}": value for name, value in zip(columns, values, strict=False)}, part
-
-
-def _scene(row: ResultRow, test: Test) -> str:
-    """Return a scene with those of its parameters that the test compares nothing by."""
-    sides = (test.of, test.than or {}, test.relative_to or {})
-    named = {name.removeprefix("scene.") for side in sides for name in side} | {
-        (test.over or "").removeprefix("scene.")
-    }
-    kept = {name: value for name, value in row.scene_parameters.items() if name not in named}
-    return json.dumps([row.scene, kept], sort_keys=True, default=str)
-
-
-def _group_names(groups: Sequence[_Group]) -> list[str]:
-    """Return what tells each group from the others."""
-    columns = list(dict.fromkeys(name for group in groups for name in group.key))
-    varying = [name for name in columns if len({group.key.get(name) for group in groups}) > 1]
-    scenes = _scene_names({group.key["scene"] for group in groups if "scene" in group.key})
-    return [
-        ", ".join(scenes[group.key[name]] if name == "scene" else _label(name, group.key.get(name)) for name in varying)
-        for group in groups
-    ]
-
-
-def _label(column: str, value: Any) -> str:
-    """Return ``kernel 5``, ``esm``, or for one side's own column ``than csm``."""
-    side, _, own = column.rpartition(" ")
-    text = _shown(value) if (own or column) == "method" else f"{_bare(own or column)} {_shown(value)}"
-    return f"against {text}" if side == "than" else text
-
-
-def _scene_names(found: set[str]) -> dict[str, str]:
-    """Return short names of scenes: with the parameters that vary."""
-    read = {text: json.loads(text) for text in found}
-    varying = {
-        (name, parameter)
-        for name, parameters in read.values()
-        for parameter, value in parameters.items()
-        if any(other == name and others.get(parameter) != value for other, others in read.values())
-    }
-    return {
-        text: method_label(name, parameters, only={parameter for owner, parameter in varying if owner == name})
-        for text, (name, parameters) in read.items()
-    }
 
 
 # One group
 
 
-def _finding(test: Test, group: _Group, name: str, quantity: str) -> Finding:
+def _finding(test: Test, group: Group, name: str, quantity: str) -> Finding:
     used = [*group.ones, *(row for row in group.others if row not in group.ones)]
     keys = tuple(row.case_key for row in used)
     try:
@@ -194,8 +76,11 @@ def _finding(test: Test, group: _Group, name: str, quantity: str) -> Finding:
         decision = _decided(test, group)
     except OpenQuestion as reason:
         return Finding(name, quantity, Verdict.UNDECIDED, str(reason), case_keys=keys)
-    q = decision.figure
-    return Finding(name, quantity, decision.verdict, decision.evidence, q.value, q.low, q.high, keys, decision.margin)
+    return Finding(
+        *(name, quantity, decision.verdict, decision.evidence),
+        *(decision.figure.value, decision.figure.low, decision.figure.high),
+        *(keys, decision.margin, decision.p_value),
+    )
 
 
 def _check_outcomes(rows: Iterable[ResultRow]) -> None:
@@ -205,11 +90,11 @@ def _check_outcomes(rows: Iterable[ResultRow]) -> None:
             raise OpenQuestion(f"{_case_name(row)} ended as {row.outcome.value}{why}")
 
 
-def _decided(test: Test, group: _Group) -> Decision:
+def _decided(test: Test, group: Group) -> Decision:
     if test.relation in COMPARISONS:
         return _compared(test, group)
     places, amounts = _sweep(test, group)
-    over = _bare(test.over or "")
+    over = bare(test.over or "")
     if test.relation in COURSES:
         ratios = _steps(test, group, amounts) if test.relation != "constant" else _to_first(test, group, amounts)
         return course(test.relation, places, amounts, ratios, test.within, over, _text_of(test))
@@ -218,7 +103,7 @@ def _decided(test: Test, group: _Group) -> Decision:
     return crossed(test.relation, places, amounts, over)
 
 
-def _compared(test: Test, group: _Group) -> Decision:
+def _compared(test: Test, group: Group) -> Decision:
     one = _only(group.ones, "of", test)
     if test.number is None and isinstance(value_of(one, test.value), str):
         return _texts_compared(test, one, _only(group.others, "than", test))
@@ -243,17 +128,17 @@ def _texts_compared(test: Test, one: ResultRow, other: ResultRow) -> Decision:
     return Decision(verdict, "equal" if text == against else "different", exact(float(text == against)))
 
 
-def _sweep(test: Test, group: _Group) -> tuple[list[float], list[Quantity]]:
+def _sweep(test: Test, group: Group) -> tuple[list[float], list[Quantity]]:
     """Return the places of a sweep in order, and the value at each or its ratio to the other side's."""
     ones = _by_place(group.ones, test, "of")
     if len(ones) < 2:
-        raise OpenQuestion(f"{_bare(test.over or '')} has one value only")
+        raise OpenQuestion(f"{bare(test.over or '')} has one value only")
     has_others = test.than is not None or test.relative_to is not None
     if not has_others:
         return list(ones), [_amount(row, test) for row in ones.values()]
     others = _by_place(group.others, test, "than" if test.than is not None else "relative_to")
     if missing := sorted(ones.keys() ^ others.keys()):
-        raise OpenQuestion(f"no case to compare with at {_bare(test.over or '')} {_shown(missing[0])}")
+        raise OpenQuestion(f"no case to compare with at {bare(test.over or '')} {shown(missing[0])}")
     return list(ones), [_against(ones[place], others[place], test) for place in ones]
 
 
@@ -267,21 +152,24 @@ def _against(one: ResultRow, other: ResultRow, test: Test) -> Quantity:
     return divided(amount, against)
 
 
-def _steps(test: Test, group: _Group, amounts: Sequence[Quantity]) -> list[Quantity | None]:
+def _steps(test: Test, group: Group, amounts: Sequence[Quantity]) -> list[Quantity | None]:
     """Return the ratio of each place's value to the one before it, ``None`` where that is 0."""
     rows = list(_by_place(group.ones, test, "of").values())
     pairs = zip(rows[1:], rows[:-1], amounts[1:], amounts[:-1], strict=True)
     return [_ratio(test, a, b, p, q) for a, b, p, q in pairs]
 
 
-def _to_first(test: Test, group: _Group, amounts: Sequence[Quantity]) -> list[Quantity | None]:
+def _to_first(test: Test, group: Group, amounts: Sequence[Quantity]) -> list[Quantity | None]:
     rows = list(_by_place(group.ones, test, "of").values())
     return [_ratio(test, row, rows[0], p, amounts[0]) for row, p in zip(rows[1:], amounts[1:], strict=True)]
 
 
 def _ratio(test: Test, row: ResultRow, to: ResultRow, amount: Quantity, to_amount: Quantity) -> Quantity | None:
-    if test.per is None and test.relative_to is None:
-        return ratio_of(row, test.value, to, test.value)
+    if test.relative_to is None:
+        ratio = ratio_of(row, test.value, to, test.value)
+        by = ratio_of(row, test.per, to, test.per) if test.per else exact(1.0)
+        if ratio is not None and by is not None and by.is_exact and by.value > 0.0:
+            return scaled(ratio, 1.0 / by.value)
     return divided(amount, to_amount) if to_amount.value else None
 
 
@@ -298,7 +186,9 @@ def _by_place(rows: Sequence[ResultRow], test: Test, side: str) -> dict[float, R
 def _only(rows: Sequence[ResultRow], side: str, test: Test) -> ResultRow:
     if not rows:
         conditions = {"of": test.of, "than": test.than, "relative_to": test.relative_to}[side] or {}
-        raise OpenQuestion(f"no case with {_conditions_text(conditions)}" if conditions else "no case to compare with")
+        raise OpenQuestion(
+            f"no case with {conditions_in_words(conditions)}" if conditions else "no case to compare with"
+        )
     if len(rows) > 1:
         differing = _differing(rows) or ["the case"]
         raise OpenQuestion(f"{len(rows)} cases for one place of '{side}'; 'each' must name {', '.join(differing)}")
@@ -328,45 +218,28 @@ def _amount(row: ResultRow, test: Test, column: str | None = None) -> Quantity:
 
 
 def _text_of(test: Test) -> Callable[[Quantity], str]:
-    unit = "1" if test.per else unit_of(test.value)
+    """Return what writes an amount: with its unit, unless it is a ratio."""
+    is_ratio = test.per is not None or test.relative_to is not None
+    unit, unit_text = ("1", "") if is_ratio else (unit_of(test.value), header_unit(test.value))
 
     def text(amount: Quantity) -> str:
-        return number_text(
-            int(amount.value) if amount.value.is_integer() and unit != "ms" else amount.value, unit or "1"
-        )
+        is_count = amount.value.is_integer() and unit not in ("ms", "fps", "%", "bytes") and not is_ratio
+        number = number_text(int(amount.value) if is_count else amount.value, unit or "1")
+        return f"{number} {unit_text}" if unit_text not in ("", "count") else number
 
-    shown = "" if test.per else header_unit(test.value)
-    return lambda amount: f"{text(amount)} {shown}".rstrip() if shown != "count" else text(amount)
+    return text
 
 
 def _quantity_text(test: Test) -> str:
     value = f"{test.value} / {test.per}" if test.per else test.value
-    one = _conditions_text(test.of)
+    one = conditions_in_words(test.of)
     text = f"{value} of {one}" if one else value
     other = test.than if test.than is not None else test.relative_to
     if other is not None or test.than_value is not None:
         column = f"{test.than_value} of " if test.than_value else ""
-        text += f" / {column}{_conditions_text(other or test.of)}"
+        text += f" / {column}{conditions_in_words(other or test.of)}"
     return text
-
-
-def _conditions_text(conditions: Mapping[str, Any]) -> str:
-    """Return ``esm, kernel 5``."""
-    parts = [
-        _shown(value) if name == "method" else f"{_bare(name)} {_shown(value)}" for name, value in conditions.items()
-    ]
-    return ", ".join(parts)
 
 
 def _case_name(row: ResultRow) -> str:
     return method_label(row.method, row.method_parameters, only=set())
-
-
-def _bare(name: str) -> str:
-    return name.removeprefix("method.").removeprefix("scene.").replace("_", " ")
-
-
-def _shown(value: Scalar | list[Scalar] | Any) -> str:
-    if isinstance(value, list):
-        return "/".join(map(_shown, value))
-    return f"{value:g}" if isinstance(value, float) else str(value)

@@ -9,10 +9,11 @@ or not ok, the run is partial, or an interval lies on both sides.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from shadowbench.claim import Claim, claim_from
 from shadowbench.rows import ResultRow, RunRecord
+from shadowbench.statistics import differences_among
 from shadowbench.tables.claim_tests import Finding, findings_of
 from shadowbench.tables.decisions import Verdict, all_of
 
@@ -94,7 +95,7 @@ def answers_of(
 
 
 def _answer(claim: Claim, experiment: str, rows: Sequence[ResultRow], source: str, missing: str) -> ClaimAnswer:
-    findings = [finding for test in claim.tests for finding in findings_of(test, rows)]
+    findings = _allowed_for([finding for test in claim.tests for finding in findings_of(test, rows)])
     verdict, evidence = all_of(finding.verdict for finding in findings), _evidence(findings)
     if missing and verdict is not Verdict.DOES_NOT_HOLD:
         if verdict is Verdict.HOLDS:
@@ -102,6 +103,28 @@ def _answer(claim: Claim, experiment: str, rows: Sequence[ResultRow], source: st
         verdict, evidence = Verdict.UNDECIDED, f"{missing}; {evidence}" if rows else "no case has been measured"
     keys = tuple(dict.fromkeys(key for finding in findings for key in finding.case_keys))
     return ClaimAnswer(claim.name, experiment, claim.statement, source, verdict, evidence, keys, tuple(findings))
+
+
+def _allowed_for(findings: Sequence[Finding]) -> list[Finding]:
+    """Return findings among which a failure is one that the number of a claim's comparisons does not explain.
+
+    That a claim holds takes all of its comparisons, each at 95 %; that it does not takes one, and of twenty that lie on
+    the bound one fails by chance. Failures of times therefore pass :func:`~shadowbench.statistics.differences_among`.
+    """
+    tested = [finding for finding in findings if finding.p_value is not None]
+    differs = differences_among([finding.p_value for finding in tested if finding.p_value is not None])
+    by_chance = {
+        id(finding)
+        for finding, differing in zip(tested, differs, strict=True)
+        if finding.verdict is Verdict.DOES_NOT_HOLD and not differing
+    }
+    note = f"no failure beyond chance among {len(tested)} comparisons"
+    return [
+        replace(finding, verdict=Verdict.UNDECIDED, evidence=f"{finding.evidence} ({note})")
+        if id(finding) in by_chance
+        else finding
+        for finding in findings
+    ]
 
 
 def _evidence(findings: Sequence[Finding]) -> str:

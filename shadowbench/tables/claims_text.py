@@ -58,7 +58,9 @@ def _as_rich(answers: Sequence[ClaimAnswer]) -> RenderableType:
 
     parts: list[RenderableType] = []
     for experiment in dict.fromkeys(answer.experiment for answer in answers):
-        grid = Grid(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, header_style="", padding=(0, 1, 1, 0))
+        grid = Grid(
+            box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, header_style="", padding=(0, 1, 0, 0), leading=1
+        )
         grid.add_column("verdict", no_wrap=True)
         grid.add_column("claim", overflow="fold", ratio=1)
         grid.add_column("evidence", overflow="fold", ratio=1)

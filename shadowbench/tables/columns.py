@@ -5,6 +5,8 @@ name                     value
 ======================== =====================================================================================
 ``build_ms`` ...         a column of :class:`~shadowbench.rows.ResultRow`
 ``static_frame_fps``     frames per second: the inverse of ``static_frame_ms``; ``dynamic_frame_fps`` likewise
+``dynamic_frame_ratio``  how many times as long as the comparison's first case it takes, by round; with
+``dynamic_frame_verdict`` what that says. Likewise for ``build``, ``shade``, ``camera`` and ``static_frame``
 ``method``, ``scene``    a label: the name, and those parameters that tell the table's cases apart
 ``size``                 ``1024x768``
 ``case``                 the beginning of the case's key
@@ -25,7 +27,7 @@ from collections.abc import Iterable
 from enum import StrEnum
 from typing import Any
 
-from shadowbench.rows import FRAME_RATES, LONG_FIELDS, LONG_UNITS, ResultRow, column_unit
+from shadowbench.rows import FRAME_RATES, LONG_FIELDS, LONG_UNITS, RATIOS, VERDICTS, ResultRow, column_unit
 from shadowbench.tables.numbers import shown_unit
 
 Scalar = str | int | float | bool | None
@@ -56,6 +58,8 @@ def value_of(row: ResultRow, name: str) -> Scalar:
         return scalar(getattr(row, name))
     if name in FRAME_RATES:
         return _rate(getattr(row, FRAME_RATES[name]))
+    if name in RATIOS or name in VERDICTS:
+        return None  # takes another row: :mod:`.verdicts`'s business
     if name == "size":
         return f"{row.width}x{row.height}"
     if name == "case":
@@ -78,7 +82,8 @@ def is_known(name: str, rows: Iterable[ResultRow]) -> bool:
 def is_value_column(name: str) -> bool:
     """Return whether ``name`` may stand among a layout's values."""
     owner, _, inner = name.partition(".")
-    return name in ROW_COLUMNS or name in FRAME_RATES or bool(inner and owner in _LONG_NUMBERS)
+    made = (*FRAME_RATES, *RATIOS, *VERDICTS)
+    return name in ROW_COLUMNS or name in made or bool(inner and owner in _LONG_NUMBERS)
 
 
 def parameter_names(rows: Iterable[ResultRow]) -> list[str]:
@@ -109,6 +114,8 @@ def unit_of(name: str) -> str:
         return column_unit(name)
     if name in FRAME_RATES:
         return "fps"
+    if name in RATIOS:
+        return "1"
     owner, _, inner = name.partition(".")
     return LONG_UNITS[owner] if inner and owner in _LONG_NUMBERS else ""
 

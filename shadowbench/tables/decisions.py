@@ -12,7 +12,8 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
-from shadowbench.tables.quantities import Quantity, exact
+from shadowbench.statistics import CONFIDENCE
+from shadowbench.tables.quantities import Quantity, exact, p_value
 
 FLOAT_ERROR = 1e-6
 """Relative difference below which two exact numbers count as equal."""
@@ -50,12 +51,14 @@ class Decision:
         evidence: The numbers.
         figure: The one that decides: a value, a ratio, or an exponent.
         margin: How far it lies from the bound, as a logarithm where it is a ratio.
+        p_value: How probable so far a figure is where the truth lies on the bound; ``None`` for exact figures.
     """
 
     verdict: Verdict
     evidence: str
     figure: Quantity
     margin: float = 0.0
+    p_value: float | None = None
 
 
 def all_of(verdicts: Iterable[Verdict]) -> Verdict:
@@ -115,7 +118,7 @@ def compared(
     """
     factor = "" if times == 1.0 else f"{times:g} times "
     evidence = f"{shown(amount)} against {factor}{shown(against)}"
-    if ratio is None or (amount.is_exact and against.is_exact):
+    if ratio is None or ratio.is_exact:
         figure = ratio if ratio is not None else amount
         verdict = relates(relation, amount, against.value * times, within)
         if ratio is None and not amount.is_exact:
@@ -124,8 +127,9 @@ def compared(
         figure, verdict = ratio, relates(relation, ratio, times, within)
     if ratio is not None:
         evidence += f", ratio {ratio_text(ratio)}"
-        return Decision(verdict, evidence, figure, _distance(ratio.value, times))
-    return Decision(verdict, evidence, figure, abs(amount.value - against.value * times))
+        return Decision(verdict, evidence, figure, _distance(ratio.value, times), _chance(figure, times, verdict))
+    margin = abs(amount.value - against.value * times)
+    return Decision(verdict, evidence, figure, margin, _chance(figure, against.value, verdict))
 
 
 def course(
@@ -164,7 +168,7 @@ def course(
     if ratios[at] is not None and not figure.is_exact:
         begin = places[0] if relation == "constant" else places[at]
         evidence += f"; from {begin:g} to {places[at + 1]:g} ratio {ratio_text(figure)}"
-    return Decision(verdict, evidence, figure, margin)
+    return Decision(verdict, evidence, figure, margin, _chance(figure, 1.0, verdict))
 
 
 def crossed(relation: str, places: Sequence[float], ratios: Sequence[Quantity], over: str) -> Decision:
@@ -175,7 +179,7 @@ def crossed(relation: str, places: Sequence[float], ratios: Sequence[Quantity], 
     verdict = all_of(verdicts)
     margin, figure = min((_distance(end.value, 1.0), end.value, end) for end in ends)[::2]
     shown = (f"{ratio_text(ratio)} at {over} {place:g}" for place, ratio in zip(places, ratios, strict=True))
-    return Decision(verdict, f"ratio {', '.join(shown)}", figure, margin)
+    return Decision(verdict, f"ratio {', '.join(shown)}", figure, margin, _chance(figure, 1.0, verdict))
 
 
 def power(
@@ -199,15 +203,23 @@ def power(
 
 
 def _slope(x: Sequence[float], y: Sequence[float]) -> Quantity:
-    from scipy.stats import t  # lazily: reading claims must start fast
+    from scipy.special import stdtrit  # lazily, and not scipy.stats: reading claims must start fast
 
     count = len(x)
     mean_x, mean_y = sum(x) / count, sum(y) / count
     spread = sum((a - mean_x) ** 2 for a in x)
     slope = sum((a - mean_x) * (b - mean_y) for a, b in zip(x, y, strict=True)) / spread
     residual = sum((b - mean_y - slope * (a - mean_x)) ** 2 for a, b in zip(x, y, strict=True))
-    half = float(t.ppf(0.975, count - 2)) * math.sqrt(residual / (count - 2) / spread)
+    half = float(stdtrit(count - 2, 0.975)) * math.sqrt(residual / (count - 2) / spread)
     return Quantity(slope, slope - half, slope + half) if half > 0.0 else exact(slope)
+
+
+def _chance(figure: Quantity, bound: float, verdict: Verdict) -> float | None:
+    """Return the p-value of a figure that is not exact; without rounds, what its 95 % interval says of it."""
+    if figure.is_exact:
+        return None
+    found = p_value(figure, bound)
+    return found if found is not None else 1.0 if verdict is Verdict.UNDECIDED else 1.0 - CONFIDENCE
 
 
 def ratio_text(ratio: Quantity) -> str:
@@ -216,7 +228,9 @@ def ratio_text(ratio: Quantity) -> str:
 
 
 def interval_text(figure: Quantity) -> str:
-    """Return ``[0.91, 0.952]``."""
+    """Return ``[0.91, 0.952]``, or why there is none."""
+    if math.isinf(figure.high):
+        return "(too few rounds for an interval)"
     return f"[{figure.low:.3g}, {figure.high:.3g}]"
 
 

@@ -30,7 +30,8 @@ def load_results(path: str | Path, run: str | None = "latest", *, table: str = "
             ``samples`` or ``artifacts`` for one line a value: ``run_id, experiment, case_key, scene, method, name,
             value, unit``, samples with their ``round``.
 
-    What does not apply to a case is missing (NaN or NA), never 0. Times are milliseconds, sizes bytes.
+    What does not apply to a case is missing (NaN or NA), never 0. Counts, sizes and whole parameters are ``Int64``,
+    switches ``boolean``, measures ``float64``, all of which can be missing. Times are milliseconds, sizes bytes.
 
     Raises:
         StoreError: There is no such folder, run or table, or it cannot be read.
@@ -63,7 +64,19 @@ def _rows_frame(rows: list[ResultRow]) -> pd.DataFrame:
     frame = pd.DataFrame([_flat(row) for row in rows], columns=list(columns), dtype=object)
     counted = [name for name in columns if name.startswith(("counters.", "kept."))]
     types = dict.fromkeys((*_WHOLE, *counted), "Int64") | dict.fromkeys(_REAL, "float64")
+    for name in columns:
+        if name.startswith(("method.", "scene.")):
+            types |= _parameter_type(name, frame[name])
     return frame.astype(types).infer_objects()
+
+
+def _parameter_type(name: str, values: pd.Series) -> dict[str, str]:
+    """Return the type of a parameter that some cases lack: a resolution stays whole and a switch a truth value."""
+    kinds = {type(value) for value in values.dropna()}
+    for kind, dtype in ((bool, "boolean"), (int, "Int64")):
+        if kinds == {kind}:
+            return {name: dtype}
+    return {}
 
 
 def _flat(row: ResultRow) -> dict[str, Any]:

@@ -11,19 +11,21 @@ from typing import Any
 
 from shadowbench.errors import ExperimentError, did_you_mean
 from shadowbench.experiment import Printed, TableLayout
-from shadowbench.rows import ResultRow, RunRecord
+from shadowbench.rows import RATIOS, VERDICTS, ResultRow, RunRecord
 from shadowbench.tables.columns import MEASURE, ROW_COLUMNS, Scalar, is_value_column, value_of
 
 Layouts = Mapping[str, Sequence[TableLayout]]
 """Experiment -> its tables."""
 
-SETTING = ("scene", "light", "camera", "size", "pixel_samples", "layers", "device", "threads")
+SETTING = ("scene", "light", "camera", "size", "pixel_samples", "layers", "moving", "device", "threads")
 """What a case is besides its method; what is the same for all cases of a table stands in a note."""
 
 DEFAULT_VALUES = (
     "build_ms",
     "shade_ms",
     "dynamic_frame_ms",
+    "dynamic_frame_ratio",
+    "dynamic_frame_verdict",
     "bytes_kept",
     "failure_percent",
     "false_lit_percent",
@@ -44,8 +46,15 @@ _TELLING_APART = ("method", *SETTING, "comparison", "case")
 def default_layout(rows: Sequence[ResultRow], title: str) -> TableLayout:
     """Return the layout of an experiment that has none: what varies, the method, costs and failures."""
     varying = [name for name in SETTING if len({_place(row, name) for row in rows}) > 1]
-    held = [name for name in DEFAULT_VALUES if any(getattr(row, name) is not None for row in rows)]
+    held = [name for name in DEFAULT_VALUES if any(_is_held(row, name) for row in rows)]
     return TableLayout(title, (*varying, "method"), tuple(held) or DEFAULT_VALUES[:1])
+
+
+def _is_held(row: ResultRow, name: str) -> bool:
+    """Return whether a row has a value; a ratio, if it was timed beside a case that it can be compared with."""
+    if name in RATIOS or name in VERDICTS:
+        return row.baseline_case not in ("", row.case_key)
+    return getattr(row, name) is not None
 
 
 def layouts_of(run: RunRecord) -> dict[str, list[TableLayout]]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Callable, Sequence
 
 from tabulate import tabulate
 
+from shadowbench.tables.plain_text import plain, shortened
 from shadowbench.tables.table import Table
 
 _MARKDOWN_ACTIVE = re.compile(
@@ -37,6 +39,9 @@ _LATEX_ENTITIES: dict[str, str | int | None] = {
     "'": r"\textquotesingle{}",
     "`": r"\textasciigrave{}",
     "…": r"\ldots{}",
+    "≠": r"$\neq$",
+    "●": r"$\bullet$",
+    "○": r"$\circ$",
 }
 
 
@@ -56,15 +61,15 @@ def as_latex(tables: Sequence[Table]) -> str:
     """Return the tables as ``table`` floats for a document that uses the package ``booktabs``."""
     parts = []
     for table in tables:
-        headers, lines = _texts(table, latex_escaped)
-        sides = "".join("r" if table.is_numeric(column) else "l" for column in range(len(headers)))
+        _, lines = _texts(table, latex_escaped)
+        sides = "".join("r" if table.is_numeric(column) else "l" for column in range(len(table.headers)))
         grid = [
             r"\begin{table}[htbp]",
             r"\centering",
             rf"\caption{{{latex_escaped(table.title)}}}",
             rf"\begin{{tabular}}{{{sides}}}",
             r"\toprule",
-            _latex_line(headers),
+            *_latex_headers(table),
             r"\midrule",
             *(_latex_line(line) for line in lines),
             r"\bottomrule",
@@ -90,6 +95,21 @@ def latex_escaped(text: str) -> str:
 def _texts(table: Table, escaped: Callable[[str], str]) -> tuple[list[str], list[list[str]]]:
     headers = [escaped(header.line()) for header in table.headers]
     return headers, [[escaped(cell.text()) for cell in line] for line in table.body]
+
+
+def _latex_headers(table: Table) -> list[str]:
+    """Return the headings: where columns are grouped, a line of groups over theirs, and the rest below it."""
+    if not any(header.group for header in table.headers):
+        return [_latex_line([latex_escaped(header.line()) for header in table.headers])]
+    cells, rules, column = [], [], 1
+    for group, members in itertools.groupby(table.headers, key=lambda header: header.group):
+        count = len(list(members))
+        text = latex_escaped(plain(shortened(group)))
+        cells += [rf"\multicolumn{{{count}}}{{c}}{{{text}}}"] if group else [""] * count
+        rules += [rf"\cmidrule(lr){{{column}-{column + count - 1}}}"] if group else []
+        column += count
+    below = [" ".join(header.lines()[1:] if header.group else header.lines()) for header in table.headers]
+    return [_latex_line(cells), "".join(rules), _latex_line([latex_escaped(text) for text in below])]
 
 
 def _latex_line(cells: Sequence[str]) -> str:

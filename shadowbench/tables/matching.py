@@ -1,9 +1,9 @@
 """Cases of two runs that measure the same, whichever code, machine or experiment file they come from.
 
-Matched by what is measured, never by key: scene and parameters, light, camera, size, samples, layers, method and
-parameters, device, threads. A mesh file counts by its name, since another machine keeps it elsewhere. A parameter that
-one of the runs does not know yet (its method is older) may have its default in the other. A case that stands in
-several experiments of a run is matched within each, and with what is left over where an experiment is missing.
+Matched by what is measured, never by key: scene and parameters, light, camera, size, samples, layers, what moves,
+method and parameters, device, threads. A mesh file counts by its name, since another machine keeps it elsewhere. A
+parameter that one of the runs does not know yet (its method is older) may have its default in the other. A case that
+stands in several experiments of a run is matched within each, and with what is left over where one is missing.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any
 
 from shadowbench.rows import ResultRow, RunRecord
 
-SETTINGS = ("light", "camera", "width", "height", "pixel_samples", "layers", "device", "threads")
+SETTINGS = ("light", "camera", "width", "height", "pixel_samples", "layers", "moving", "device", "threads")
 """What is measured, beside scene, method and their parameters."""
 
 Pair = tuple[ResultRow | None, ResultRow | None]

@@ -10,14 +10,17 @@ dominates it), or *open* (some method is better by the values, but the intervals
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 from shadowbench.errors import UsageError, did_you_mean
 from shadowbench.rows import FRAME_RATES, LONG_FIELDS, Outcome, ResultRow
-from shadowbench.tables.columns import ROW_COLUMNS
+from shadowbench.tables.columns import ROW_COLUMNS, Scalar, value_of
 from shadowbench.tables.labels import Labels
+from shadowbench.tables.layout import SETTING
 from shadowbench.tables.quantities import Quantity, is_time, quantity_of, ratio_of
+
+__all__ = ["COST", "COSTS", "QUALITIES", "QUALITY", "Best", "Front", "FrontPoint", "Standing", "best_within", "fronts"]
 
 COST, QUALITY = "dynamic_frame_ms", "failure_percent"
 
@@ -70,9 +73,10 @@ class Front:
 
     Attributes:
         scene: Label: the name, with the parameters that tell it from the other fronts' scenes.
-        light, camera, width, height, pixel_samples, layers, device, threads: The rest of the view.
+        light, camera, width, height, pixel_samples, layers, device, threads: Of the view.
         cost, quality: Names of the columns.
         points: Every measured case that has both, the cheapest first.
+        setting: All that its cases have in common, by column; of the scene the label.
     """
 
     scene: str
@@ -87,6 +91,7 @@ class Front:
     cost: str
     quality: str
     points: tuple[FrontPoint, ...]
+    setting: dict[str, Scalar] = field(default_factory=dict)
 
 
 def fronts(rows: Sequence[ResultRow], cost: str = COST, quality: str = QUALITY) -> tuple[Front, ...]:
@@ -110,26 +115,57 @@ def fronts(rows: Sequence[ResultRow], cost: str = COST, quality: str = QUALITY) 
     return tuple(_front(list(found.values()), scenes, cost, quality) for found in views.values())
 
 
+@dataclass(frozen=True)
+class Best:
+    """The best method of a view within a limit.
+
+    Attributes:
+        point: The best by its value; ``None`` where none is within.
+        no_worse: Labels of others within the limit that are not surely worse.
+    """
+
+    point: FrontPoint | None
+    no_worse: tuple[str, ...] = ()
+
+
+def best_within(front: Front, *, cost: float | None = None, quality: float | None = None) -> Best:
+    """Return the best method with a cost within a limit, or the cheapest with a quality within one.
+
+    A time is within a limit if its whole interval is.
+
+    Args:
+        front: The view's methods.
+        cost: Most that it may cost, in the column's unit.
+        quality: Most that its failures may be, in the column's unit, where no cost is given.
+    """
+    if cost is not None:
+        within = [point for point in front.points if point.cost.high <= cost]
+        wanted = front.quality
+    else:
+        within = [point for point in front.points if quality is None or point.quality.high <= quality]
+        wanted = front.cost
+    if not within:
+        return Best(None)
+    # of equals the cheaper one: points are in that order
+    best = min(within, key=lambda point: _value(point.row, wanted))
+    others = [point for point in within if point is not best and not _surely_worse(point.row, best.row, wanted)]
+    return Best(best, tuple(point.label for point in others))
+
+
+def _surely_worse(row: ResultRow, than: ResultRow, name: str) -> bool:
+    return _surely_less(than, row, name) if is_time(name) else _value(row, name) > _value(than, name)
+
+
 def _check(name: str, known: Iterable[str], noun: str) -> None:
     owner, _, inner = name.partition(".")
     if name not in known and not (inner and owner in LONG_FIELDS[:3]):
         hint = "less must be better" if name in FRAME_RATES or name == "ssim" else did_you_mean(name, known, noun=noun)
-        raise UsageError(f"--{noun} cannot be '{name}'; {hint}")
+        raise UsageError(f"the {noun} cannot be '{name}'; {hint}")
 
 
 def _view(row: ResultRow) -> tuple[object, ...]:
     scene = (row.scene, repr(sorted(row.scene_parameters.items())))
-    return (
-        *scene,
-        row.light,
-        row.camera,
-        row.width,
-        row.height,
-        row.pixel_samples,
-        row.layers,
-        row.device,
-        row.threads,
-    )
+    return (*scene, *(value_of(row, name) for name in SETTING if name != "scene"))
 
 
 def _front(rows: Sequence[ResultRow], scenes: Labels, cost: str, quality: str) -> Front:
@@ -137,10 +173,10 @@ def _front(rows: Sequence[ResultRow], scenes: Labels, cost: str, quality: str) -
     ordered = sorted(rows, key=lambda row: (_value(row, cost), _value(row, quality)))
     points = tuple(_point(row, ordered, methods, cost, quality) for row in ordered)
     first = rows[0]
+    setting = {name: value_of(first, name) for name in SETTING} | {"scene": scenes.of(first)}
     return Front(
-        scenes.of(first),
-        *(first.light, first.camera, first.width, first.height, first.pixel_samples, first.layers),
-        *(first.device, first.threads, cost, quality, points),
+        *(scenes.of(first), first.light, first.camera, first.width, first.height, first.pixel_samples, first.layers),
+        *(first.device, first.threads, cost, quality, points, setting),
     )
 
 

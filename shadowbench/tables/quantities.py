@@ -2,17 +2,16 @@
 
 A counter, a size or a quality measure comes out the same every time: its interval is itself. A time is a median over
 rounds; two times from the same interleaved rounds are compared by the ratio within each round, which a machine that
-slows down does not change, and others by their intervals.
+slows down does not change, and times of rounds of their own by all pairs of rounds (:mod:`shadowbench.statistics`).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
-from statistics import median
+from dataclasses import dataclass, field, replace
 
 from shadowbench.rows import FRAME_RATES, ResultRow
+from shadowbench.statistics import PairedContrast, SeparateContrast, paired, separate
 from shadowbench.tables.columns import interval_of, unit_of, value_of
 
 _PHASES = {
@@ -24,6 +23,8 @@ _PHASES = {
 }
 """Times that are sums of samples, round by round."""
 
+AnyContrast = PairedContrast | SeparateContrast
+
 
 @dataclass(frozen=True)
 class Quantity:
@@ -31,21 +32,24 @@ class Quantity:
 
     Attributes:
         value: As measured.
-        low, high: 95 % interval; ``-inf`` and ``inf`` for a time of which too few rounds were taken.
+        low, high: 95 % interval; 0 and ``inf`` where too few rounds were taken for one.
+        contrast: For a ratio of times what the rounds say, at any confidence.
     """
 
     value: float
     low: float
     high: float
+    contrast: AnyContrast | None = field(default=None, compare=False, repr=False)
 
     @property
     def is_exact(self) -> bool:
         """Whether another measurement would give the same number."""
-        return self.low == self.value == self.high
+        return self.contrast is None and self.low == self.value == self.high
 
 
 def exact(value: float) -> Quantity:
     """Return a number that every measurement gives."""
+    value = float(value)
     return Quantity(value, value, value)
 
 
@@ -69,7 +73,7 @@ def quantity_of(row: ResultRow, name: str) -> Quantity | None:
         spread = [_spread(row, phase) for phase in ("build_ms", "shade_ms")]
         below, above = (max(found) for found in zip(*spread, strict=True))
         interval = (value / below, value * above)
-    return Quantity(float(value), *(interval or (-math.inf, math.inf)))
+    return Quantity(float(value), *(interval or (0.0, math.inf)))
 
 
 def _spread(row: ResultRow, name: str) -> tuple[float, float]:
@@ -85,13 +89,24 @@ def ratio_of(row: ResultRow, name: str, to_row: ResultRow, to_name: str) -> Quan
     one, other = quantity_of(row, name), quantity_of(to_row, to_name)
     if one is None or other is None or other.value == 0.0:
         return None
-    if one.is_exact and other.is_exact:
+    if not is_time(name) and not is_time(to_name):
         return exact(one.value / other.value)
-    rounds, to_rounds = series_of(row, name), series_of(to_row, to_name)
-    in_same_rounds = row.comparison and row.comparison == to_row.comparison and len(rounds) == len(to_rounds)
-    if in_same_rounds and rounds and min(*rounds, *to_rounds) > 0.0:
-        return _by_round([a / b for a, b in zip(rounds, to_rounds, strict=True)])
-    return divided(one, other)
+    durations, to_durations = durations_of(row, name), durations_of(to_row, to_name)
+    if not durations or not to_durations or (name in FRAME_RATES) != (to_name in FRAME_RATES):
+        return divided(one, other)
+    if name in FRAME_RATES:  # twice as many frames in a second: half as long
+        durations, to_durations = to_durations, durations
+    in_same_rounds = row.comparison != "" and row.comparison == to_row.comparison
+    in_same_rounds = in_same_rounds and len(durations) == len(to_durations)
+    processes = row.round_processes or None
+    contrast = (
+        paired(durations, to_durations, processes)
+        if in_same_rounds
+        else separate(durations, to_durations, processes, to_row.round_processes or None)
+    )
+    found = contrast.interval()
+    low, high = (0.0, math.inf) if found.low is None or found.high is None else (found.low, found.high)
+    return Quantity(found.estimate, low, high, contrast)
 
 
 def divided(one: Quantity, other: Quantity) -> Quantity:
@@ -100,30 +115,32 @@ def divided(one: Quantity, other: Quantity) -> Quantity:
     return Quantity(one.value / other.value, low, one.high / other.low if other.low > 0.0 else math.inf)
 
 
-def series_of(row: ResultRow, name: str) -> list[float]:
-    """Return a time of every round, in the column's unit; empty where rows keep none."""
+def scaled(ratio: Quantity, factor: float) -> Quantity:
+    """Return a ratio times a positive number that is exact."""
+    contrast = None if ratio.contrast is None else _shifted(ratio.contrast, math.log(factor))
+    return Quantity(ratio.value * factor, ratio.low * factor, ratio.high * factor, contrast)
+
+
+def durations_of(row: ResultRow, name: str) -> list[float]:
+    """Return a time, or the time that a frame rate is of, in every round [ms]; empty where rows keep none."""
     base = FRAME_RATES.get(name, name)
     if base == "static_frame_ms" and row.static_frame_ms == row.dynamic_frame_ms:
         base = "dynamic_frame_ms"  # a view-dependent method builds for every frame
     parts = [row.samples.get(phase, []) for phase in _PHASES.get(base, ())]
     if not parts or len({len(part) for part in parts}) > 1:
         return []
-    sums = [sum(values) for values in zip(*parts, strict=True)]
-    return [1.0e3 / value for value in sums if value > 0.0] if name in FRAME_RATES else sums
+    return [sum(values) for values in zip(*parts, strict=True)]
 
 
-def _by_round(ratios: Sequence[float]) -> Quantity:
-    low, high = _median_interval(ratios)
-    return Quantity(median(ratios), low, high)
+def p_value(figure: Quantity, bound: float) -> float | None:
+    """Return how probable a ratio as far from a bound as this one is where it is the bound; ``None`` if unknown."""
+    if bound <= 0.0 or figure.contrast is None:
+        return None
+    return _shifted(figure.contrast, -math.log(bound)).p_value
 
 
-def _median_interval(samples: Sequence[float]) -> tuple[float, float]:
-    """Return the distribution-free interval of a median, of at least 95 %: that of the sign test."""
-    ordered = sorted(samples)
-    count, tail, rank = len(ordered), 0.0, 0
-    while rank < count // 2:
-        tail += math.comb(count, rank) / 2.0**count
-        if 2.0 * tail > 0.05:
-            break
-        rank += 1
-    return (ordered[rank - 1], ordered[count - rank]) if rank else (0.0, math.inf)
+def _shifted(contrast: AnyContrast, shift: float) -> AnyContrast:
+    """Return a contrast whose ratios are larger by a factor, given as its logarithm."""
+    if isinstance(contrast, PairedContrast):
+        return replace(contrast, log_ratios=tuple(value + shift for value in contrast.log_ratios))
+    return replace(contrast, first=tuple(value + shift for value in contrast.first))

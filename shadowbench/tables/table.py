@@ -51,6 +51,8 @@ class Cell:
         reason: Why, in one line.
         shown: What tables for reading show instead of the value; the name of a measure, say.
         note: Number of the note that gives the reason; 0 for none.
+        bounds: Between which the true value lies for all that is known, where it is no exact one: what orders it. A
+            stage has bounds and no interval; they are without end where too few rounds were taken.
     """
 
     value: Scalar = None
@@ -60,6 +62,7 @@ class Cell:
     reason: str = ""
     note: int = 0
     shown: str = ""
+    bounds: tuple[float, float] | None = None
 
     @property
     def is_failure(self) -> bool:
@@ -115,4 +118,6 @@ class Table:
         """Return whether a column holds numbers, and so is aligned to the right."""
         cells = [line[column] for line in self.body]
         found = [cell.value for cell in cells if cell.value is not None]
-        return column >= len(self.index) or (bool(found) and not any(isinstance(v, str | bool) for v in found))
+        if column >= len(self.index) and not found:
+            return True
+        return bool(found) and not any(isinstance(v, str | bool) for v in found)

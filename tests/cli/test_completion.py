@@ -11,6 +11,7 @@ import pytest
 
 from shadowbench.cli import completion
 from shadowbench.experiment import builtin_names
+from shadowbench.experiment_groups import groups
 from shadowbench.plugins import Registry
 
 
@@ -27,7 +28,7 @@ def test_experiments_and_toml_files_are_completed(tmp_path: Path, monkeypatch: p
     (tmp_path / "folder").mkdir()
     for name in ("mine.toml", "folder/other.toml"):
         (tmp_path / name).touch()
-    assert completion.experiments("") == [*builtin_names(), "mine.toml"]
+    assert completion.experiments("") == [*builtin_names(), *groups(), "mine.toml"]
     assert completion.experiments("folder/o") == ["folder/other.toml"]
 
 

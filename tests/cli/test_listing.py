@@ -90,3 +90,20 @@ def test_runs_are_listed_newest_first(command: Command, results: Path) -> None:
     lines = command("list", "runs", "--results", str(results)).out.splitlines()
     assert [line.split()[0] for line in lines[1:]] == ["20260131-120000-abcd", "20250101-000000-0000"]
     assert "1 ok, 1 skipped" in lines[1]
+
+
+def test_groups_and_how_to_write_files_are_shown(command: Command) -> None:
+    listed = command("list", "experiments").out
+    assert "papers" in listed
+    shown = command("show", "annen-2008")
+    assert shown.status == 0
+    assert "annen-2008-table-1" in shown.out
+    assert "[[claim]]" in command("show", "claims").out
+    assert "[[comparison]]" in command("show", "experiment-file").out
+    assert "did you mean 'claims'" in command("show", "claim").err
+
+
+def test_an_experiments_claims_are_shown_with_their_tests(command: Command) -> None:
+    shown = " ".join(command("show", "annen-2008-table-3").out.split())
+    assert "z-max-finds-no-fewer" in shown
+    assert "less than 10" in shown

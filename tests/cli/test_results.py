@@ -79,3 +79,19 @@ def test_report_is_written_beside_the_run_and_its_path_printed(command: Command,
 def test_report_goes_where_it_is_asked_to(command: Command, results: Path, tmp_path: Path) -> None:
     assert command("report", "latest", "--results", str(results), "-o", "mine.html").out == "mine.html\n"
     assert (tmp_path / "mine.html").exists()
+
+
+def test_figures_for_papers_are_written_instead_of_a_report(command: Command, results: Path, tmp_path: Path) -> None:
+    ended = command("report", "latest", "--results", str(results), "--figures", "figures")
+    assert ended.status == 0
+    written = [Path(line) for line in ended.out.splitlines()]
+    assert written
+    assert {path.suffix for path in written} == {".pdf", ".svg"}
+    assert all((tmp_path / path).is_file() for path in written)
+    assert not (results / "reports").exists()
+
+
+def test_figures_and_a_report_are_asked_for_one_at_a_time(command: Command, results: Path) -> None:
+    ended = command("report", "latest", "--results", str(results), "--figures", "figures", "-o", "mine.html")
+    assert ended.status == 2
+    assert "leave out --output" in ended.err

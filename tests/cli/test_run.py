@@ -23,7 +23,7 @@ from shadowbench.store import Store
 Command = Callable[..., Any]
 
 NO_CHOICES: dict[str, Any] = dict.fromkeys(
-    ("methods", "scenes", "lights", "cameras", "sizes", "pixel_samples", "layers", "threads"), ()
+    ("methods", "scenes", "lights", "cameras", "sizes", "pixel_samples", "layers", "moving", "threads"), ()
 )
 VIEW = View("box-on-plane", {"height": 0.5}, "", "", 12, "sun", "main", 64, 48)
 

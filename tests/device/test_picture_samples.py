@@ -1,5 +1,7 @@
 """Where samples lie in a pixel, and in which order what they see is listed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from builders import box_over_ground
@@ -7,6 +9,12 @@ from builders import box_over_ground
 from shadowbench.device.launch import Context
 from shadowbench.device.picture_samples import PictureSamples, sample_pattern
 from shadowbench.light_space import camera_frame
+
+
+def seen_through(world, *numbers):
+    """The world with these instances translucent."""
+    glass = [replace(i, transmittance=(0.5, 0.5, 0.5)) if k in numbers else i for k, i in enumerate(world.instances)]
+    return replace(world, instances=tuple(glass))
 
 
 def test_one_sample_is_the_pixels_centre():
@@ -35,10 +43,10 @@ def test_samples_are_spread_over_the_pixel(samples):
 
 @pytest.mark.parametrize(("samples", "layers"), [(1, 1), (3, 1), (1, 4), (4, 3)])
 def test_surfaces_are_sorted_by_pixel_then_sample_then_nearest_first(samples, layers):
-    world = box_over_ground()
+    world = seen_through(box_over_ground(), 0, 1)
     frame = camera_frame(world.cameras["front"], 40, 30, world)
     drawn = PictureSamples(40, 30, samples, layers, Context())
-    seen = drawn.find(world.on("cpu"), frame, np.zeros(world.triangle_count, bool))
+    seen = drawn.find(world, frame)
     order = np.lexsort((seen.layer, seen.sample, seen.pixel))
     np.testing.assert_array_equal(order, np.arange(len(order)))
     assert seen.sample.max() == samples - 1
@@ -52,8 +60,8 @@ def test_nothing_is_seen_behind_an_opaque_surface():
     world = box_over_ground()
     frame = camera_frame(world.cameras["front"], 40, 30, world)
     is_box = np.arange(world.triangle_count) >= world.first_triangle[1]
-    seen = PictureSamples(40, 30, 1, 5, Context()).find(world.on("cpu"), frame, is_box)
+    seen = PictureSamples(40, 30, 1, 5, Context()).find(seen_through(world, 0), frame)
     assert (seen.layer == 0).all(), "the box hides the ground, and nothing lies over the box"
-    seen = PictureSamples(40, 30, 1, 5, Context()).find(world.on("cpu"), frame, ~is_box)
+    seen = PictureSamples(40, 30, 1, 5, Context()).find(seen_through(world, 1), frame)
     assert seen.layer.max() == 2
     assert (~is_box[seen.triangle[seen.layer == 2]]).all()

@@ -33,6 +33,17 @@ class Raises(_Lit):
         raise ValueError("no tree could be built\nsecond line")
 
 
+class Told(_Lit):
+    """Behaves, and counts what it is told of."""
+
+    name = "told"
+
+    def build(self, casters, light, view, changes, trace):
+        trace.count("instances moved", len(changes.instances))
+        trace.count("light moved", int(changes.light))
+        trace.count("view moved", int(changes.view))
+
+
 class RaisesLater(_Lit):
     name = "raises-later"
     frames = 0

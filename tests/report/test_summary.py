@@ -7,14 +7,16 @@ from typing import Any
 import pytest
 from stored_rows import some_row, some_run
 
-from shadowbench.report.cases import SceneView, scene_views
-from shadowbench.report.embedding import Embedder
+from shadowbench.report.embedding import PicturePool, Pool
 from shadowbench.report.summary import Finding, Verdict, flattened, summarize
+from shadowbench.report.views import SceneView, scene_views
 from shadowbench.rows import Outcome, ResultRow, RunStatus
+from shadowbench.tables.claims import ClaimAnswer
+from shadowbench.tables.claims import Verdict as ClaimVerdict
 
 
 def views_of(*rows: ResultRow) -> list[SceneView]:
-    return scene_views(some_run(), rows, Embedder(lambda name: b"", picture_count=0, byte_budget=0))
+    return scene_views(some_run(), rows, PicturePool(lambda name: b""))
 
 
 def verdict_of(*rows: ResultRow) -> Verdict:
@@ -99,10 +101,35 @@ def test_a_peers_device_is_named_beside_the_runs_environment() -> None:
     facts = summarize(some_run(), [some_row(), own], views_of(own)).environment
     assert facts == [("python", "3.11"), ("libraries, numpy", "2.4"), ("renderer", "a card")]
     (card,) = views_of(own)[0].cards
-    assert ("renderer", "a card") in card.origin
+    measured = next(section for section in card.sections if section.title == "Measured")
+    assert ("renderer", "a card") in measured.lines
 
 
 def test_nested_environment_is_flattened() -> None:
     nested = {"python": "3.11", "libraries": {"numpy": "2.4", "none": None}, "load_average": [0.5, 1.0]}
     expected = [("python", "3.11"), ("libraries, numpy", "2.4"), ("load average", "0.5, 1.0")]
     assert flattened(nested) == expected
+
+
+def test_many_experiments_are_counted_in_the_title_and_named_below_it() -> None:
+    summary = summarize(some_run(experiments=["a", "b", "c"]), [], [])
+    assert (summary.title, summary.subtitle) == ("a, and 2 more experiments", "a, b, c")
+
+
+def test_claims_are_counted_by_verdict() -> None:
+    verdicts = [ClaimVerdict.UNDECIDED, ClaimVerdict.HOLDS, ClaimVerdict.HOLDS]
+    claims = [ClaimAnswer("c", "quick", "It is so.", "", verdict, "") for verdict in verdicts]
+    assert summarize(some_run(), [], [], claims).claims == [(ClaimVerdict.HOLDS, 2), (ClaimVerdict.UNDECIDED, 1)]
+
+
+def test_extent_counts_what_was_compared() -> None:
+    rows = [some_row("a"), some_row("b"), some_row("b", light="lamp")]
+    assert summarize(some_run(), rows, views_of(*rows)).extent == [(1, "experiment"), (2, "methods"), (2, "views")]
+
+
+def test_what_the_bound_on_the_size_cost_is_said() -> None:
+    pool = Pool(left_out=frozenset({3, 4}), reduced_to=240)
+    notices = summarize(some_run(), [], [], pool=pool).notices
+    assert [text for text in notices if "240 pixels" in text]
+    assert [text for text in notices if text.startswith("To keep this page small, 2 of")]
+    assert summarize(some_run(), [], []).notices == []

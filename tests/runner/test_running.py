@@ -65,6 +65,23 @@ def test_building_belongs_to_every_frame_where_the_parameters_make_it_so(measure
     assert rarely.dynamic_frame_ms == pytest.approx(np.median(shading + rarely.samples["build"]))
 
 
+def test_a_method_is_told_what_moved_and_the_picture_is_the_same(measure: Measure) -> None:
+    rows = measure("told", "instanced", moving=["everything", "object", "light", "camera"]).rows
+    told = {row.moving: row.counters for row in rows if row.method == "told"}
+    names = "instances moved", "light moved", "view moved"
+    assert {moving: tuple(counters[name] for name in names) for moving, counters in told.items()} == {
+        "everything": (2, 1, 1),
+        "object": (1, 0, 0),
+        "light": (0, 1, 0),
+        "camera": (0, 0, 1),
+    }
+    instanced = {row.moving: row for row in rows if row.method == "instanced"}
+    assert len({row.visibility_digest for row in instanced.values()}) == 1
+    built = {moving: row.counters["maps built"] for moving, row in instanced.items()}
+    assert built["camera"] == 0
+    assert built["everything"] == built["light"] == 2
+
+
 def test_a_picture_of_numbers_is_kept_beside_the_others(measure: Measure, tmp_path: Path) -> None:
     (row,) = measure("watchful").rows
     with Store.open(tmp_path, create=False) as store:

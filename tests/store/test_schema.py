@@ -177,8 +177,7 @@ def test_rows_of_the_first_revision_have_one_sample_a_pixel_and_no_later_measure
     with engine.begin() as connection:
         schema.upgrade(connection, "0001")
         run, row = some_run(), some_row()
-        later = {"pixel_samples", "layers"}
-        later |= {"quality_run", "changed_count"}
+        later = {"pixel_samples", "layers", "moving", "quality_run", "changed_count"}
         later |= {"edge_band_rmse", "interior_rmse", "approximation_rmse", "discretisation_rmse"}
         later |= {"baseline_case", "processes", "ended_by", "warm_up_frames", "build_repeats", "shade_repeats"}
         later |= {"unexplained_ms", "round_processes", "outlier_rounds"}
@@ -191,5 +190,5 @@ def test_rows_of_the_first_revision_have_one_sample_a_pixel_and_no_later_measure
     with Store.open(tmp_path) as store:
         (found,) = store.rows(run.run_id)
     assert found == row
-    assert (found.pixel_samples, found.layers) == (1, 1)
+    assert (found.pixel_samples, found.layers, found.moving) == (1, 1, "everything")
     assert found.interior_rmse is found.approximation_rmse is None

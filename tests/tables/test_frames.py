@@ -50,6 +50,18 @@ def test_a_frame_has_one_line_a_case_whatever_its_outcome(folder: Path) -> None:
     assert frame.loc[0, "artifacts.mask"] == "file.png"
 
 
+def test_parameters_that_some_cases_lack_keep_their_kind(tmp_path: Path, make_row: Any, make_run: Any) -> None:
+    with Store.open(tmp_path / "results") as store:
+        store.start_run(make_run())
+        store.add_row(make_row(method_parameters={"kernel": 3, "bias": 0.5, "log": True, "filter": "box", "mixed": 1}))
+        store.add_row(make_row(method="vsm", method_parameters={"mixed": 0.5}))
+    frame = load_results(tmp_path / "results")
+    kinds = {name: str(frame[f"method.{name}"].dtype) for name in ("kernel", "bias", "log", "mixed")}
+    assert kinds == {"kernel": "Int64", "bias": "float64", "log": "boolean", "mixed": "float64"}
+    assert frame["method.kernel"].tolist() == [3, pd.NA]
+    assert frame.loc[0, "method.filter"] == "box"
+
+
 def test_every_column_of_a_row_is_there_and_has_one_type(folder: Path) -> None:
     frame = load_results(folder)
     spread = {*LONG_FIELDS, "method_parameters", "scene_parameters"}

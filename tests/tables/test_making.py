@@ -16,7 +16,8 @@ from shadowbench import tables
 from shadowbench.errors import ExperimentError, UsageError
 from shadowbench.experiment import Printed, TableLayout
 from shadowbench.rows import Outcome
-from shadowbench.tables.table import Table
+from shadowbench.tables.printed import out_of_order
+from shadowbench.tables.table import Cell, Table
 
 
 def _grid(table: Table, **how: bool) -> list[list[str]]:
@@ -308,6 +309,82 @@ def test_a_table_may_show_some_cases_only_and_is_not_partial_for_that(make_row: 
     assert "only cases with method pcf, kernel 7" in table.notes
     assert {row.method for row in table.rows} == {"pcf"}
     assert _one(rows, layout, make_run(case_count=9)).title == "T (partial: 8 of 9 cases)"
+
+
+def _beside(make_row: Any, ours: dict[tuple[str, int], float], theirs: dict[tuple[str, int], float]) -> Table:
+    """A table of methods over resolutions, in percent, which are exact."""
+    rows = [
+        make_row(method=method, method_parameters={"resolution": r}, failure_percent=value)
+        for (method, r), value in ours.items()
+    ]
+    printed = tuple(
+        Printed({"method": method, "resolution": r}, {"failure_percent": value})
+        for (method, r), value in theirs.items()
+    )
+    return _one(rows, TableLayout("T", ("method",), ("failure_percent",), "resolution", printed=printed))
+
+
+def _marked(table: Table) -> list[tuple[str, str]]:
+    """Line and column of every mark."""
+    return [
+        (line[0].text(), header.group)
+        for line in table.body
+        for header, cell in zip(table.headers, line, strict=True)
+        if cell.value == "differs"
+    ]
+
+
+def test_cells_out_of_the_sources_order_are_marked(make_row: Any) -> None:
+    theirs = {("a", 1): 1.0, ("a", 2): 2.0, ("a", 3): 3.0, ("b", 1): 4.0, ("b", 2): 5.0, ("b", 3): 6.0}
+    same = {place: 10.0 * value for place, value in theirs.items()}
+    assert _marked(_beside(make_row, same, theirs)) == []
+    along = same | {("a", 1): 35.0}
+    table = _beside(make_row, along, theirs)
+    assert _marked(table) == [("a", "resolution=1")], "the one cell without which all is in order"
+    assert "\u2260: not in the source's order, along its line or down its column" in table.notes
+    assert [header.line() for header in table.headers[:5]] == [
+        "method",
+        "resolution=1: failure [%]",
+        "resolution=1: printed [%]",
+        "resolution=1: ratio",
+        "resolution=1: order",
+    ]
+    down = same | {("b", 2): 15.0, ("b", 1): 12.0}
+    assert _marked(_beside(make_row, down, theirs)) == [("a", "resolution=2")]
+    missing = {place: value for place, value in along.items() if place != ("a", 1)}
+    assert _marked(_beside(make_row, missing, theirs)) == []
+
+
+@settings(max_examples=80, deadline=None)
+@given(pairs=st.lists(st.tuples(st.integers(0, 6), st.integers(0, 6)), max_size=8))
+def test_without_the_marked_cells_ours_and_theirs_go_the_same_way(pairs: list[tuple[int, int]]) -> None:
+    marked = out_of_order([(Cell(ours), Cell(theirs)) for ours, theirs in pairs])
+    left = [pair for place, pair in enumerate(pairs) if place not in marked]
+    assert not any(a[0] < b[0] and a[1] > b[1] for a in left for b in left)
+    opposed = any(a[0] < b[0] and a[1] > b[1] for a in pairs for b in pairs)
+    assert bool(marked) is opposed
+
+
+def test_what_is_equal_or_cannot_be_told_apart_is_in_any_order(make_row: Any) -> None:
+    def times(reach: float) -> Table:
+        rows = [
+            make_row(method=m, shade_ms=t, shade_ms_low=t - reach, shade_ms_high=t + reach)
+            for m, t in (("a", 2.0), ("b", 1.0))
+        ]
+        printed = tuple(Printed({"method": m}, {"shade_ms": t}) for m, t in (("a", 1.0), ("b", 2.0)))
+        return _one(rows, TableLayout("T", ("method",), ("shade_ms",), printed=printed))
+
+    assert len(_marked(times(0.4))) == 1
+    assert _marked(times(0.6)) == [], "their intervals overlap"
+    equal = {("a", 1): 1.0, ("a", 2): 1.0}
+    assert _marked(_beside(make_row, {("a", 1): 2.0, ("a", 2): 1.0}, equal)) == []
+
+
+def test_lines_of_different_measures_are_in_no_order(make_row: Any) -> None:
+    rows = [make_row(method_parameters={"n": n}, counters={"visited": 9 * n}, stages={"sort": n}) for n in (1, 2)]
+    printed = tuple(Printed({"n": n}, {"counters.visited": 1.0 * n, "stages.sort": 5.0 * n}) for n in (1, 2))
+    layout = TableLayout("T", ("measure",), ("counters.visited", "stages.sort"), "n", printed=printed)
+    assert _marked(_one(rows, layout)) == []
 
 
 def test_conditions_and_printed_values_are_kept_with_the_run(make_row: Any, make_run: Any) -> None:

@@ -133,6 +133,18 @@ def test_latex_is_a_booktabs_table(make_row: Any) -> None:
     )
 
 
+def test_latex_sets_groups_over_their_columns(make_row: Any) -> None:
+    rows = [make_row(method_parameters={"kernel": k}, build_ms=1.0, shade_ms=2.0) for k in (3, 7)]
+    layouts = {"quick": [TableLayout("T", ("method",), ("build_ms", "shade_ms"), "kernel")]}
+    text = str(tables.render(tables.make(rows, layouts), "latex"))
+    assert text.split("\\toprule\n")[1].split("\n")[:4] == [
+        r" & \multicolumn{2}{c}{kernel=3} & \multicolumn{2}{c}{kernel=7} \\",
+        r"\cmidrule(lr){2-3}\cmidrule(lr){4-5}",
+        r"method & build [ms] & shade [ms] & build [ms] & shade [ms] \\",
+        r"\midrule",
+    ]
+
+
 def test_hostile_names_are_text_in_latex(hostile_rows: list[ResultRow], hostile: str) -> None:
     layouts = {"quick": [TableLayout(hostile, ("light", "method"), ("build_ms", f"stages.{hostile}x"))]}
     lines = str(tables.render(tables.make(hostile_rows, layouts), "latex")).split("\n")

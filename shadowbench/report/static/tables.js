@@ -1,4 +1,3 @@
-"use strict";
 // Sorting: a heading's button sorts its table by that column; numbers by value, absent values always last.
 function keyOf(row, column) {
   const cell = row.cells[column];
@@ -32,25 +31,21 @@ for (const table of document.querySelectorAll("table.sortable")) {
     button.addEventListener("click", () => sortBy(heading, column));
   });
 }
-// Flicker comparison: a case's picture gives way to its view's reference, in the same place.
-for (const view of document.querySelectorAll(".view")) {
-  const reference = view.querySelector(".reference img");
-  for (const button of view.querySelectorAll(".flicker")) {
-    const picture = button.closest("figure").querySelector("img");
-    if (!reference) { button.remove(); continue; }
-    const own = { src: picture.src, alt: picture.alt };
-    button.addEventListener("click", () => {
-      const shown = button.getAttribute("aria-pressed") !== "true";
-      button.setAttribute("aria-pressed", String(shown));
-      picture.src = shown ? reference.src : own.src;
-      picture.alt = shown ? reference.alt : own.alt;
-    });
-  }
+// Filtering: lines stay that hold every word, in any of their cells.
+function wordsOf(text) {
+  return text.toLowerCase().split(/\s+/).filter(Boolean);
 }
-for (const button of document.querySelectorAll(".enlarge")) {
-  button.addEventListener("click", () => {
-    const large = button.closest(".pair").classList.toggle("large");
-    button.setAttribute("aria-pressed", String(large));
+for (const field of document.querySelectorAll("input.filter")) {
+  const table = document.getElementById(field.getAttribute("aria-controls"));
+  const status = field.closest(".table-tools").querySelector(".status");
+  field.addEventListener("input", () => {
+    const words = wordsOf(field.value);
+    let shown = 0;
+    for (const row of table.tBodies[0].rows) {
+      const text = row.textContent.toLowerCase();
+      row.hidden = !words.every((word) => text.includes(word));
+      shown += !row.hidden;
+    }
+    status.textContent = words.length ? `${shown} of ${table.tBodies[0].rows.length} lines` : "";
   });
 }
-document.documentElement.classList.add("scripted");
