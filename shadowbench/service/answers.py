@@ -22,6 +22,7 @@ from shadowbench.tables.claims import answer_claims
 from shadowbench.tables.comparing import compare_runs
 from shadowbench.tables.comparison_text import render_comparison
 from shadowbench.tables.csv_text import TIDY_COLUMNS
+from shadowbench.tables.labels import Labels
 
 RUNS_A_PAGE = 50
 MOST_RUNS_A_PAGE = 200
@@ -74,9 +75,10 @@ def run(store: Store, run_id: str) -> Answer:
     for document in documents:
         del document["samples"]
     claims = _claims(record, rows)
+    labels = Labels("method", rows, defaults=record.method_defaults)
     content = {
         "rows": rows,
-        "titles": {row.case_key: method_label(row.method, row.method_parameters) for row in rows},
+        "titles": [labels.of(row) for row in rows],
         "tables": tables.make(rows, run=record) if rows else [],
         "environment": flattened(record.environment),
     }
@@ -149,5 +151,7 @@ def compare(store: Store, a: str, b: str) -> Answer:
     document = json.loads(str(render_comparison(found, "json")))
     header = ("experiment", "scene", "method", "method_parameters", "summary", "changed", "case_key_a", "case_key_b")
     lines = [[each[name] for name in header] for each in document["cases"]]
-    labels = [method_label(each["method"], each["method_parameters"]) for each in document["cases"]]
-    return Answer("compare.html", document, header, lines, {"labels": labels, "summaries": found.summaries})
+    rows = [each.row for each in found.cases]
+    labels = Labels("method", rows, defaults=before.method_defaults | after.method_defaults)
+    content = {"labels": [labels.of(row) for row in rows], "summaries": found.summaries}
+    return Answer("compare.html", document, header, lines, content)

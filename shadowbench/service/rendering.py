@@ -16,8 +16,6 @@ import shadowbench
 from shadowbench.report import wording
 from shadowbench.rows import OUTCOME_MEANINGS, Outcome
 from shadowbench.tables.columns import header_text, header_unit
-from shadowbench.tables.numbers import number_text
-from shadowbench.tables.table import Cell
 
 
 def _file(package: str, name: str) -> str:
@@ -72,7 +70,6 @@ def _environment() -> Environment:
         mark=_mark,
         heading=_heading,
         measure=_measure,
-        celltext=_cell_text,
         zip=lambda first, second: list(zip(first, second, strict=True)),
     )
     environment.globals.update(
@@ -90,21 +87,6 @@ def _environment() -> Environment:
 def use_title(title: str) -> None:
     """Name the service on its pages."""
     _environment().globals["site_title"] = title
-
-
-def _cell_text(cell: Cell) -> str:
-    """What a cell of a table says, as the report does."""
-    if cell.outcome is not None:
-        return cell.outcome.value
-    if cell.value is None:
-        return wording.ABSENT
-    if isinstance(cell.value, str | bool):
-        return wording.shown(cell.value)
-    text = number_text(cell.value, cell.unit, thousands=True)
-    if cell.interval is None:
-        return text
-    low, high = (number_text(end, cell.unit, thousands=True) for end in cell.interval)
-    return f"{text} [{low}, {high}]"
 
 
 def _tone(outcome: str) -> str:

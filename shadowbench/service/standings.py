@@ -19,6 +19,7 @@ from shadowbench.tables.labels import Labels
 
 MOST_VERSIONS = 4
 SORTS = (*MEASURES, *LIKENESSES, *TIMES, "bytes_kept", "technique")
+_TOLD_APART = ("moving", "threads", "device")
 LARGER_IS_BETTER = frozenset({"ssim"})
 
 
@@ -97,9 +98,9 @@ def labels(techniques: dict[str, dict[str, Any]]) -> dict[str, str]:
     }
     made = Labels("method", cast("list[ResultRow]", list(lines.values())))
     found = {key: made.of(cast("ResultRow", line)) for key, line in lines.items()}
-    several = {name for name in ("threads", "device") if len({str(t[name]) for t in techniques.values()}) > 1}
+    several = {name for name in _TOLD_APART if len({str(t[name]) for t in techniques.values()}) > 1}
     for key, fields in techniques.items():
-        found[key] += "".join(f", {name}: {fields[name]}" for name in ("threads", "device") if name in several)
+        found[key] += "".join(f", {name}: {fields[name]}" for name in _TOLD_APART if name in several)
     return found
 
 

@@ -10,6 +10,7 @@ import hashlib
 from collections.abc import Callable
 from typing import Annotated, Any
 
+from anyio import CapacityLimiter, to_thread
 from fastapi import APIRouter, Depends, FastAPI, Request, Response
 from fastapi.responses import JSONResponse
 from starlette.concurrency import run_in_threadpool
@@ -65,6 +66,8 @@ def install(
     """Add the routes to the application."""
     routes = APIRouter(prefix="/api/v1", tags=["upload"])
     allowed = Annotated[Access, Depends(uploader)]
+    # one writes at a time anyway; more of them at work would only keep readers waiting
+    one_at_a_time = CapacityLimiter(1)
 
     @routes.post(
         "/artifacts/missing",
@@ -111,7 +114,9 @@ def install(
     async def run(request: Request, run_id: str, access: allowed) -> Response:
         """A run and all its rows, once its pictures are there."""
         content = await bodies.read(request, settings.largest_body)
-        kept, row_count, digest = await run_in_threadpool(_keep_run, store, run_id, content, access)
+        kept, row_count, digest = await to_thread.run_sync(
+            _keep_run, store, run_id, content, access, limiter=one_at_a_time
+        )
         telemetry.uploads.labels(kept.value).inc()
         telemetry.rows.inc(row_count if kept is not Kept.UNCHANGED else 0)
         answer = {"run_id": run_id, "kept": kept.value, "row_count": row_count, "digest": digest}
