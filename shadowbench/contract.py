@@ -231,9 +231,14 @@ def check_scene(cls: type[ScenePlugin], parameters: BaseModel | None = None) -> 
         return [*breaches, f"it cannot be made: {error}"]
     breaches += [
         f"it comes out different the second time ({attribute})"
-        for attribute in ("vertices", "triangles", "first_triangle")
-        if not np.array_equal(getattr(world, attribute), getattr(again, attribute))
+        for attribute, one, other in (
+            ("vertices", [m.vertices for m in world.meshes], [m.vertices for m in again.meshes]),
+            ("triangles", [m.triangles for m in world.meshes], [m.triangles for m in again.meshes]),
+        )
+        if len(one) != len(other) or not all(map(np.array_equal, one, other))
     ]
+    if world.authored != again.authored:
+        breaches.append("it comes out different the second time (instances)")
     if (world.lights, world.cameras) != (again.lights, again.cameras):
         breaches.append("its lights or cameras come out different the second time")
     for name, camera in world.cameras.items():

@@ -21,6 +21,8 @@ from typing import Any
 
 import shadowbench
 from shadowbench.imported_code import data_files, imported_files
+from shadowbench.machine_state import available_cores as available_cores  # noqa: PLC0414 - everybody's, from here
+from shadowbench.machine_state import load_average, settings
 
 _KEY_LENGTH = 20
 """Hex digits of a key: 80 bits, so that a million results meet by chance once in 10^12 collections."""
@@ -116,21 +118,43 @@ def _processor() -> str:
     return platform.processor() or platform.machine()
 
 
-def available_cores() -> int:
-    """Return how many cores this process may run on."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 def environment() -> dict[str, Any]:
-    """Return versions and hardware, for the record of a run."""
+    """Return versions, hardware and how it is set, for the record of a run; only what is known."""
     return {
-        "python": platform.python_version(),
+        "python": f"{platform.python_version()} ({platform.python_implementation()})",
         "system": platform.platform(),
+        "processor": _processor(),
         "cores": os.cpu_count() or 1,
         "available_cores": available_cores(),
-        "load_average": [round(load, 2) for load in os.getloadavg()],
+        **settings(),
+        "load_average": load_average(),
+        "code": checkout_of(Path(shadowbench.__file__)),
         "libraries": {name: found for name in _LIBRARIES if (found := library_version(name))},
     }
+
+
+def plugin_origin(file: Path) -> dict[str, Any]:
+    """Return where a plugin file's code is from: its digest, and its commit where it lies in a checkout."""
+    try:
+        digest = file_digest(file)
+    except OSError:
+        return {}
+    return {"digest": digest} | checkout_of(file)
+
+
+def checkout_of(file: Path) -> dict[str, Any]:
+    """Return the commit of the git checkout that holds a file, and whether tracked files differ from it.
+
+    Empty for a file that is in none, or that git does not track.
+    """
+    folder = file.resolve().parent
+    if not _git(folder, "ls-files", "--", file.name):
+        return {}
+    commit = _git(folder, "rev-parse", "--short=10", "HEAD")
+    if not commit:
+        return {}
+    changed = _git(folder, "status", "--porcelain", "--untracked-files=no")
+    return {"commit": commit, "changed": bool(changed)}
 
 
 def library_version(distribution: str) -> str | None:
@@ -143,14 +167,10 @@ def library_version(distribution: str) -> str | None:
 
 def code_version() -> str:
     """Return shadowbench's version and, in a checkout, its commit and whether files differ from it."""
-    root = Path(shadowbench.__file__).parent.parent
-    if not (root / ".git").exists():
+    found = checkout_of(Path(shadowbench.__file__))
+    if not found:
         return shadowbench.__version__
-    commit = _git(root, "rev-parse", "--short=10", "HEAD")
-    if not commit:
-        return shadowbench.__version__
-    changed = _git(root, "status", "--porcelain", "--untracked-files=no")
-    return f"{shadowbench.__version__}+{commit}" + (".changed" if changed else "")
+    return f"{shadowbench.__version__}+{found['commit']}" + (".changed" if found["changed"] else "")
 
 
 def _git(folder: Path, *arguments: str) -> str:

@@ -28,8 +28,9 @@ if TYPE_CHECKING:
     from shadowbench.reference import Reference
     from shadowbench.world import World
 
-METRIC_VERSION = 2
-"""Raised whenever a measure changes, so that stored rows of the old definition are not mixed with new ones."""
+METRIC_VERSION = 3
+"""Raised whenever a measure changes, or the pictures of a row show something else or more, so that stored rows of the
+old definition are neither mixed with new ones nor taken over by them."""
 
 EDGE_RADIUS = 2
 """The edge band is every pixel within this many pixels (rows and columns) of a reference shadow edge."""

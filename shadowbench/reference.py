@@ -37,6 +37,8 @@ import warp as wp
 from numpy.typing import NDArray
 
 from shadowbench.device.arrays import as_warp
+from shadowbench.device.instance_forest import InstanceForest, tree_over
+from shadowbench.device.instance_forest_kernels import find_nearest_blockers_in_forest
 from shadowbench.device.launch import Context, launch, synchronize
 from shadowbench.device.point_visibility import PointVisibility
 from shadowbench.device.rays import find_nearest_blockers, find_turned_away
@@ -98,7 +100,7 @@ def hard_reference(world: World, receivers: Receivers, light: Light, context: Co
     """
     casters = world.casters
     packed_light = light_point(light)
-    tree = TriangleTree(casters.triangle_count, context)
+    tree = tree_over(casters, context)
     tree.build(casters)
     in_field = is_in_field_of_view(light, receivers.position)
     is_away = in_field & _turned_away(world, receivers, packed_light, context)
@@ -142,7 +144,7 @@ def _turned_away(world: World, receivers: Receivers, light: LightPoint, context:
 
 
 def _nearest_blockers(
-    tree: TriangleTree,
+    tree: TriangleTree | InstanceForest,
     casters: Casters,
     light: LightPoint,
     receivers: Receivers,
@@ -153,7 +155,7 @@ def _nearest_blockers(
     blocker = wp.empty(receivers.count, dtype=wp.int32, device=context.device)
     distance = wp.empty(receivers.count, dtype=wp.float32, device=context.device)
     launch(
-        find_nearest_blockers,
+        find_nearest_blockers_in_forest if isinstance(tree, InstanceForest) else find_nearest_blockers,
         receivers.count,
         inputs=[
             tree.packed(),
@@ -170,7 +172,7 @@ def _nearest_blockers(
 
 
 def _light_through(
-    tree: TriangleTree,
+    tree: TriangleTree | InstanceForest,
     casters: Casters,
     light: Light,
     receivers: Receivers,

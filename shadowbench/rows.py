@@ -170,7 +170,9 @@ class ResultRow(BaseModel):
 
     machine: str = Field("", description="machine key: processor, cores, memory, operating system")
     environment: dict[str, Any] = Field(
-        default_factory=dict, description="versions and hardware, those of the method's own libraries included"
+        default_factory=dict,
+        description="versions, hardware and how it is set, the method's own libraries, and what the machine did:"
+        " load_before, load_after (1, 5, 15 minutes), cores_used_by_others and cores_stolen during the rounds",
     )
     code_version: str = Field("", description="version of shadowbench and, in a checkout, its commit")
     measured_at: str = Field("", description="end of the case, ISO 8601, UTC")
@@ -255,7 +257,7 @@ class RunRecord(BaseModel):
     status: RunStatus = Field(RunStatus.RUNNING, description="where it stands")
     case_count: int = Field(0, ge=0, description="planned cases; fewer rows than that make a partial run")
     machine: str = Field("", description="machine key: processor, cores, memory, operating system")
-    environment: dict[str, Any] = Field(default_factory=dict, description="versions and hardware")
+    environment: dict[str, Any] = Field(default_factory=dict, description="versions, hardware and how it is set")
     code_version: str = Field("", description="version of shadowbench and, in a checkout, its commit")
     definitions: list[dict[str, Any]] = Field(
         default_factory=list,

@@ -26,6 +26,9 @@ CONFIDENCE = 0.95
 LEAST_DURATION_MS = 1.0e-6
 """What counts as no time at all; logarithms are of nothing shorter."""
 
+LAYOUT_SHIFT = 0.03
+"""What is allowed for how one process happens to be laid out in memory, where there is no other to tell by."""
+
 _RESAMPLES = 4000
 _LEAST_SPREAD = 0.01
 _FAR_OUT = 3.0
@@ -159,7 +162,8 @@ class PairedContrast:
 
     The estimate is the median of the rounds' ratios. The sign test takes rounds as independent. Where they are from
     several processes, Student's t of the processes' medians takes those as independent, and the wider interval and the
-    larger p-value count: two cases whose processes merely were laid out differently are not called different.
+    larger p-value count: two cases whose processes merely were laid out differently are not called different. Rounds
+    that are known to be from one process cannot tell, and :data:`LAYOUT_SHIFT` is allowed for on either side.
 
     Attributes:
         log_ratios: Logarithm of first over second, by round.
@@ -172,10 +176,10 @@ class PairedContrast:
     @property
     def p_value(self) -> float:
         """See :class:`Contrast`."""
-        by_round = _sign_test(self.log_ratios)
         medians = self._process_medians()
         if len(medians) < 2:
-            return by_round
+            return _sign_test(self.log_ratios, _allowance(self.processes))
+        by_round = _sign_test(self.log_ratios)
         if median(self.log_ratios) * sum(medians) <= 0.0:  # they do not even agree on which is faster
             return 1.0
         return max(by_round, _student_p(medians))
@@ -184,9 +188,9 @@ class PairedContrast:
         """See :class:`Contrast`."""
         found = interval_of(self.log_ratios, confidence)
         medians = self._process_medians()
-        if len(medians) >= 2:
-            found = found.wider(_student_interval(medians, confidence))
-        return _exponential(found)
+        if len(medians) < 2:
+            return _exponential(_widened(found, _allowance(self.processes)))
+        return _exponential(found.wider(_student_interval(medians, confidence)))
 
     def _process_medians(self) -> list[float]:
         return [median(group) for group in _grouped(self.log_ratios, self.processes or None)]
@@ -197,7 +201,8 @@ class SeparateContrast:
     """Two cases that were timed in rounds of their own.
 
     The estimate is the median of all pairs' ratios, its interval that of the Mann-Whitney test (Hodges & Lehmann 1963;
-    Conover, section 5.4). Several processes on both sides are judged by Welch's t as well, and the wider counts. What
+    Conover, section 5.4). Several processes on both sides are judged by Welch's t as well, and the wider counts; for
+    one that is known, :data:`LAYOUT_SHIFT` is allowed. What
     changed on the machine between the two counts as a difference: only rounds in common can tell that apart.
 
     Attributes:
@@ -215,9 +220,10 @@ class SeparateContrast:
         """See :class:`Contrast`."""
         differences = self._differences()
         tails = _rank_sum_tails(len(self.first), len(self.second))
-        against = min(sum(d <= 0.0 for d in differences), sum(d >= 0.0 for d in differences))
-        by_sample = min(1.0, 2.0 * tails[against])
         medians = self._process_medians()
+        reach = self._allowance() if medians is None else 0.0
+        against = min(sum(d <= reach for d in differences), sum(d >= -reach for d in differences))
+        by_sample = min(1.0, 2.0 * tails[against])
         if medians is None:
             return by_sample
         if median(differences) * _welch(*medians)[0] <= 0.0:
@@ -233,9 +239,12 @@ class SeparateContrast:
         if 0 < rank <= len(differences) // 2:
             found = Interval(found.estimate, differences[rank - 1], differences[-rank])
         medians = self._process_medians()
-        if medians is not None:
-            found = found.wider(_welch_interval(*medians, confidence))
-        return _exponential(found)
+        if medians is None:
+            return _exponential(_widened(found, self._allowance()))
+        return _exponential(found.wider(_welch_interval(*medians, confidence)))
+
+    def _allowance(self) -> float:
+        return max(_allowance(self.first_processes), _allowance(self.second_processes))
 
     def _differences(self) -> list[float]:
         return sorted(a - b for a in self.first for b in self.second)
@@ -285,6 +294,17 @@ def ratio_of_runs(
 
 def _logs(durations: Sequence[float]) -> list[float]:
     return [math.log(max(duration, LEAST_DURATION_MS)) for duration in durations]
+
+
+def _allowance(processes: Sequence[int]) -> float:
+    """Return what may be layout, as a logarithm: nothing where it is not known which processes rounds are from."""
+    return math.log1p(LAYOUT_SHIFT) if processes else 0.0
+
+
+def _widened(found: Interval, reach: float) -> Interval:
+    if found.low is None or found.high is None:
+        return found
+    return Interval(found.estimate, found.low - reach, found.high + reach)
 
 
 def _exponential(found: Interval) -> Interval:
@@ -395,10 +415,10 @@ def _quantile(ordered: Sequence[float], share: float) -> float:
 # Tests
 
 
-def _sign_test(values: Sequence[float]) -> float:
-    """Two-sided; a value of exactly 0 counts against either side."""
+def _sign_test(values: Sequence[float], reach: float = 0.0) -> float:
+    """Two-sided, of a median within ``reach`` of 0; a value of exactly that counts against either side."""
     count = len(values)
-    against = min(sum(v <= 0.0 for v in values), sum(v >= 0.0 for v in values))
+    against = min(sum(v <= reach for v in values), sum(v >= -reach for v in values))
     return min(1.0, 2.0 * sum(math.comb(count, k) for k in range(against + 1)) / 2.0**count)
 
 

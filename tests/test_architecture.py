@@ -77,6 +77,7 @@ ROOMS: dict[str, set[str]] = {
     "rows": {"choices"},
     "choices": {"errors"},
     "statistics": set(),
+    "machine_state": set(),
     "toml_lines": set(),
     "toml_values": {"errors", "rows", "choices"},
     "claim": {"errors"},
@@ -86,7 +87,7 @@ ROOMS: dict[str, set[str]] = {
     "experiment_groups": {"errors", "experiment"},
     "experiments": set(),
     "imported_code": set(),
-    "identity": {"errors", "rows", "imported_code"},
+    "identity": {"errors", "rows", "imported_code", "machine_state"},
     "runner": {
         *(
             "errors",
@@ -102,7 +103,7 @@ ROOMS: dict[str, set[str]] = {
             "light_space",
         ),
         *("receivers", "camera_pass", "reference", "metrics", "pictures", "contract", "device", "rows", "store"),
-        *("light_space_kernel", "filtered_reference", "imported_code", "statistics"),
+        *("light_space_kernel", "filtered_reference", "imported_code", "statistics", "machine_state"),
     },
     "store": {"errors", "rows", "experiment"},
     "tables": {"choices", "claim", "errors", "experiment", "metrics", "rows", "statistics", "store"},

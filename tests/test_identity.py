@@ -131,3 +131,35 @@ def test_machine_and_environment_name_what_results_depend_on() -> None:
     assert found["libraries"]["numpy"] == np.__version__
     assert identity.available_cores() >= 1
     assert identity.code_version().startswith("0.")
+
+
+def _git(folder: Path, *arguments: str) -> None:
+    names = ("-c", "user.name=n", "-c", "user.email=e@example.org", "-c", "commit.gpgsign=false")
+    subprocess.run(["git", "-C", str(folder), *names, *arguments], check=True, capture_output=True)
+
+
+def test_a_plugin_file_is_known_by_its_digest_and_in_a_checkout_by_its_commit(tmp_path: Path) -> None:
+    file = tmp_path / "plugin.py"
+    file.write_text("x = 1\n", encoding="utf-8")
+    loose = identity.plugin_origin(file)
+    assert loose == {"digest": identity.file_digest(file)}
+    _git(tmp_path, "init", "-q")
+    assert identity.plugin_origin(file) == loose, "in a checkout, but not tracked"
+    _git(tmp_path, "add", "plugin.py")
+    _git(tmp_path, "commit", "-qm", "first")
+    clean = identity.plugin_origin(file)
+    assert clean == loose | {"commit": clean["commit"], "changed": False}
+    assert len(clean["commit"]) == 10
+    file.write_text("x = 2\n", encoding="utf-8")
+    changed = identity.plugin_origin(file)
+    assert changed["changed"] is True
+    assert changed["commit"] == clean["commit"]
+    assert changed["digest"] != clean["digest"]
+    assert identity.plugin_origin(tmp_path / "gone.py") == {}
+
+
+def test_the_environment_says_how_the_machine_is_set() -> None:
+    found = identity.environment()
+    assert {"python", "system", "processor", "cores", "available_cores", "affinity", "load_average"} <= found.keys()
+    assert found["memory_gib"]["total"] >= found["memory_gib"]["available"] > 0.0
+    assert len(found["affinity"]) == found["available_cores"]

@@ -146,6 +146,17 @@ def test_processes_are_judged_by_students_t_of_their_medians() -> None:
     assert found.high == pytest.approx(math.exp(expected.high))
 
 
+def test_of_one_process_that_is_known_three_in_a_hundred_may_be_its_layout() -> None:
+    rounds = [0] * 12
+    for factor, verdict in ((1.02, Verdict.NO_DIFFERENCE), (1.04, Verdict.SLOWER), (0.96, Verdict.FASTER)):
+        a, b = [factor] * 12, [1.0] * 12
+        for contrast in (paired(a, b, rounds), separate(a, b, rounds, rounds)):
+            assert judge([contrast])[0].verdict is verdict
+            found = contrast.interval()
+            assert (found.low, found.estimate, found.high) == pytest.approx((factor / 1.03, factor, factor * 1.03))
+    assert judge([paired([1.02] * 12, [1.0] * 12)])[0].verdict is Verdict.SLOWER, "of which nothing is known"
+
+
 def test_rounds_of_their_own_are_judged_by_mann_and_whitney() -> None:
     rng = np.random.default_rng(2)
     for first, second in ((6, 9), (12, 12), (20, 5)):
@@ -180,7 +191,14 @@ def test_an_interval_leaves_out_one_exactly_where_the_test_says_so(confidence: f
     for shift in np.linspace(0.0, 0.1, 40):
         a = list(rng.lognormal(shift, 0.05, 12))
         b = list(rng.lognormal(0.0, 0.05, 12))
-        for contrast in (paired(a, b), paired(a, b, PROCESSES), separate(a, b), separate(a, b, PROCESSES, PROCESSES)):
+        for contrast in (
+            paired(a, b),
+            paired(a, b, [0] * 12),
+            paired(a, b, PROCESSES),
+            separate(a, b),
+            separate(a, b, [0] * 12, [0] * 12),
+            separate(a, b, PROCESSES, PROCESSES),
+        ):
             found = contrast.interval(confidence)
             if found.low is not None and found.high is not None:
                 leaves_out = found.low > 1.0 or found.high < 1.0

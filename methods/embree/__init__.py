@@ -11,7 +11,8 @@ of them are traced from ``threads`` threads. The tree is built by Embree's own p
 process could use when Embree first built something in it; that moment is confined to ``threads`` processors where the
 system allows. *buffer copy* is the binding's element-by-element copy of the mesh, which another binding would not
 need: it stands apart from *BVH construction*. The binding does not say how large the tree is; what is known and
-reported is Embree's copy of the triangles.
+reported is Embree's copy of the triangles, and the flat copy of all instances that it is made from, where the scene
+has none of its own: the binding knows no instances.
 
 Limits: opaque casters and lights without area. Needs the extra ``peers`` (embreex 4.4 or newer).
 """
@@ -70,6 +71,8 @@ class Embree(Method):
     _scene: Any = None
     _light: Light
     _offset: float
+    _copied: int = 0
+    _flattened: int = 0
 
     def __init__(self, parameters: EmbreeParameters, context: Context) -> None:
         super().__init__(parameters, context)
@@ -106,21 +109,25 @@ class Embree(Method):
         self._light = light
         self._offset = self.parameters.offset * casters.world.diagonal()
         if casters.triangle_count == 0:
-            self._scene = None
+            self._scene, self._copied, self._flattened = None, 0, 0
         elif self._scene is None or changes.instances:
+            flat = casters.flat()
             from embreex.mesh_construction import TriangleMesh
             from embreex.rtcore_scene import EmbreeScene
 
             with confined_to(self.context.threads):
                 with trace.stage("buffer copy"):
                     self._scene = EmbreeScene(robust=True)
-                    TriangleMesh(self._scene, casters.vertices, casters.triangles)
+                    TriangleMesh(self._scene, flat.vertices, flat.triangles)
                 with trace.stage("BVH construction"):
                     # embreex commits with the first ray; this one points away from everything and ends at once
                     nowhere = np.ones((1, 3), np.float32)
                     self._scene.run(nowhere, nowhere, dists=np.zeros(1, np.float32), query="OCCLUDED")
-        copied = _VERTEX_BYTES * len(casters.vertices) + _TRIANGLE_BYTES * casters.triangle_count
-        trace.keep_bytes("triangle buffers", copied)
+            self._copied = _VERTEX_BYTES * len(flat.vertices) + _TRIANGLE_BYTES * len(flat.triangles)
+            self._flattened = 0 if casters.is_flat else flat.byte_count
+        trace.keep_bytes("triangle buffers", self._copied)
+        if self._flattened:
+            trace.keep_bytes("flattened instances", self._flattened)
 
     def shade(self, receivers: Receivers, visibility: wp.array[Any], trace: Trace) -> None:
         with trace.stage("field of view"):

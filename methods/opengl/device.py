@@ -33,11 +33,15 @@ class OpenglDevice:
 
     Args:
         context: How many threads a software rasteriser may use.
+
+    Attributes:
+        context: As given.
     """
 
     def __init__(self, context: Context) -> None:
         import moderngl
 
+        self.context = context
         self._threads = context.threads
         # llvmpipe draws on the calling thread if told to start none; its threads inherit the processors
         settings = {

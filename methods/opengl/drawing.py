@@ -7,6 +7,7 @@ fragment shader writes it. Polygon offset is OpenGL's own in the first case and 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -53,6 +54,9 @@ _OFFSET_DEPTH = "min(depth + %r * max(abs(dFdx(depth)), abs(dFdy(depth))), 1.0)"
 class CasterDrawing:
     """The casters' triangles on the device, and the programs that draw them.
 
+    Where the scene keeps flat arrays they are uploaded once. Otherwise batches of placed instances pass through one
+    pair of buffers at every draw, so that their float32 positions are the world's own and need no room for all.
+
     Args:
         device: Where; current whenever something here is used.
         slope_bias: Polygon offset's factor: stored depths grow by this many texels' worth of the larger depth slope.
@@ -74,11 +78,12 @@ class CasterDrawing:
         self._programs: dict[bool, moderngl.Program] = {}
         self._arrays: dict[bool, moderngl.VertexArray] = {}
         self._buffers: list[moderngl.Buffer] = []
+        self._casters: Casters | None = None
 
     @property
     def triangle_count(self) -> int:
-        """Number of triangles on the device."""
-        return self._buffers[1].size // 12 if self._buffers else 0
+        """Number of triangles drawn."""
+        return self._casters.triangle_count if self._casters is not None else 0
 
     @property
     def byte_count(self) -> int:
@@ -87,14 +92,22 @@ class CasterDrawing:
 
     def upload(self, casters: Casters) -> None:
         """Replace the triangles."""
+        self._casters = casters
+        if casters.is_flat:
+            self._put(casters.vertices, casters.triangles)
+        else:
+            self._put(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32))
+
+    def _put(self, vertices: NDArray[np.float32], triangles: NDArray[np.int32]) -> None:
+        """Have these triangles on the device and no others."""
         for array in self._arrays.values():
             array.release()
         for buffer in self._buffers:
             buffer.release()
         self._arrays.clear()
         self._buffers = []
-        if casters.triangle_count:
-            geometry = (casters.vertices, casters.triangles)
+        if len(triangles):
+            geometry = (vertices, triangles)
             self._buffers = [self._device.gl.buffer(np.ascontiguousarray(numbers)) for numbers in geometry]
 
     def draw(self, frame: Frame, target: moderngl.Framebuffer, *, empty: Color = NOTHING) -> None:
@@ -108,7 +121,7 @@ class CasterDrawing:
         gl = self._device.gl
         target.use()
         target.clear(color=empty, depth=1.0)
-        if not self._buffers:
+        if not self.triangle_count:
             return
         program = self._program(frame.is_orthographic)
         program["clip_from_world"].write(_column_major(_clip_from_world(frame)))  # type: ignore[union-attr]
@@ -116,7 +129,18 @@ class CasterDrawing:
             program["depth_from_world"].write(frame.projection[2].astype(np.float32).tobytes())  # type: ignore[union-attr]
         gl.enable_only(gl.DEPTH_TEST)
         gl.polygon_offset = (self._slope_bias, 0.0) if frame.is_orthographic else (0.0, 0.0)
-        self._array(frame.is_orthographic).render(gl.TRIANGLES)
+        for _ in self._filled_buffers():
+            self._array(frame.is_orthographic).render(gl.TRIANGLES)
+
+    def _filled_buffers(self) -> Iterator[None]:
+        """Stop wherever the buffers hold triangles to draw, until all have been there."""
+        assert self._casters is not None
+        if self._casters.is_flat:
+            yield
+        else:
+            for batch in self._casters.batches(self._device.context):
+                self._put(batch.vertices.numpy(), batch.triangles.numpy().reshape(-1, 3))
+                yield
 
     def _program(self, is_orthographic: bool) -> moderngl.Program:
         if is_orthographic not in self._programs:

@@ -17,7 +17,9 @@ Through translucent casters a ray of ``plane`` goes on, dimmed by each crossing,
 
 Limits: no filtering, so shadow edges alias in the picture as every hard test does. Cost: building sorts the triangles
 once along a space-filling curve (:mod:`shadowbench.device.triangle_tree`) and is skipped when only the light moved;
-shading grows with the logarithm of the triangle count.
+shading grows with the logarithm of the triangle count. A scene of many instances has one tree a mesh and one over the
+instances (:mod:`shadowbench.device.instance_forest`), with the same answers, and only the latter is built again when
+they move.
 """
 
 from __future__ import annotations
@@ -29,19 +31,26 @@ import warp as wp
 from numpy.typing import NDArray
 
 from shadowbench.device.arrays import as_warp
+from shadowbench.device.instance_forest import InstanceForest, tree_over
 from shadowbench.device.launch import launch
 from shadowbench.device.rays import OffsetRays, find_turned_away
 from shadowbench.device.translucency import trace_through
 from shadowbench.device.triangle_tree import TriangleTree
-from shadowbench.device.triangle_tree_kernels import Tree
 from shadowbench.device.visibility import light_point, plane_tolerance
 from shadowbench.light_space import is_in_field_of_view
 from shadowbench.method import Changes, Method, Trace, View
-from shadowbench.methods.ray_traced.kernels import trace_from_offset, trace_from_surface
+from shadowbench.methods.ray_traced.kernels import (
+    trace_from_offset,
+    trace_from_offset_in_forest,
+    trace_from_surface,
+    trace_from_surface_in_forest,
+)
 from shadowbench.parameters import ParameterModel, parameter
 from shadowbench.receivers import Receivers
 from shadowbench.scene import Light, RectangularLight
 from shadowbench.world import Casters, World
+
+AnyTree = TriangleTree | InstanceForest
 
 
 class RayTracedParameters(ParameterModel):
@@ -68,7 +77,7 @@ class RayTraced(Method):
     counters: ClassVar[dict[str, str]] = {"rays": "valid receivers within the light's field of view"}
 
     parameters: RayTracedParameters
-    _tree: TriangleTree | None = None
+    _tree: AnyTree | None = None
     _casters: Casters
     _light: Light
     _offset: float
@@ -89,12 +98,14 @@ class RayTraced(Method):
         self._casters, self._light = casters, light
         self._offset = self.parameters.offset * casters.world.diagonal()
         with trace.stage("BVH construction"):
-            if self._tree is None or self._tree.triangle_count != casters.triangle_count:
-                self._tree = TriangleTree(casters.triangle_count, self.context)
+            if self._tree is None or not self._tree.fits(casters):
+                self._tree = tree_over(casters, self.context)
                 self._tree.build(casters)
             elif changes.instances:
                 self._tree.build(casters)
         trace.keep("BVH boxes", self._tree.bounds)
+        if isinstance(self._tree, InstanceForest):
+            trace.keep("BVH boxes of instances", self._tree.over)
         trace.keep("BVH triangles", self._tree.corners)
 
     def shade(self, receivers: Receivers, visibility: wp.array[Any], trace: Trace) -> None:
@@ -104,22 +115,22 @@ class RayTraced(Method):
         if not self._casters.is_opaque:
             self._trace_through(receivers, asked, visibility, trace)
         elif self.parameters.self_hit == "plane":
-            self._trace_from_surface(self._tree.packed(), receivers, asked, visibility, trace)
+            self._trace_from_surface(self._tree, receivers, asked, visibility, trace)
         else:
-            self._trace_from_offset(self._tree.packed(), receivers, asked, visibility, trace)
+            self._trace_from_offset(self._tree, receivers, asked, visibility, trace)
         trace.count("rays", int(np.count_nonzero(asked)))
 
     def _trace_from_surface(
-        self, tree: Tree, receivers: Receivers, asked: NDArray[np.bool_], visibility: wp.array[Any], trace: Trace
+        self, tree: AnyTree, receivers: Receivers, asked: NDArray[np.bool_], visibility: wp.array[Any], trace: Trace
     ) -> None:
         device = self.context.device
         on_device, lookup = receivers.on(device), self._casters.world.lookup(device)
         with trace.stage("shadow rays"):
             launch(
-                trace_from_surface,
+                trace_from_surface_in_forest if isinstance(tree, InstanceForest) else trace_from_surface,
                 receivers.count,
                 inputs=[
-                    tree,
+                    tree.packed(),
                     light_point(self._light),
                     wp.vec3d(*receivers.eye),
                     plane_tolerance(self._casters.scale),
@@ -155,16 +166,16 @@ class RayTraced(Method):
             )
 
     def _trace_from_offset(
-        self, tree: Tree, receivers: Receivers, asked: NDArray[np.bool_], visibility: wp.array[Any], trace: Trace
+        self, tree: AnyTree, receivers: Receivers, asked: NDArray[np.bool_], visibility: wp.array[Any], trace: Trace
     ) -> None:
         with trace.stage("ray generation"):
             rays = OffsetRays(receivers, self._light, self._offset, self.context)
         with trace.stage("shadow rays"):
             launch(
-                trace_from_offset,
+                trace_from_offset_in_forest if isinstance(tree, InstanceForest) else trace_from_offset,
                 receivers.count,
                 inputs=[
-                    tree,
+                    tree.packed(),
                     as_warp(asked.view(np.uint8), wp.uint8, self.context.device),
                     rays.origin,
                     rays.towards,

@@ -7,7 +7,7 @@
     options.py      arguments and options that several commands share
     completion.py   what the shell completes
     console.py      where text goes: terminals, colours, stdout kept for JSON Lines
-    run.py          run
+    run.py          run; interruption.py ends it when it is asked to
     progress.py     what a running plan shows
     listing.py      list, show
     results.py      table, report

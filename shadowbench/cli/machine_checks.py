@@ -18,10 +18,14 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
+from shadowbench.cli.machine_noise import DEFAULT_ROUNDS, PROCESSES, Sampler, measured_noise
 from shadowbench.identity import available_cores, code_version, library_version, machine
+from shadowbench.machine_state import governors, throttle_count, turbo, usable_cores
 
 _GIB = 2**30
 _CHILD_SECONDS = 60.0
+_NOISY = 0.05
+"""Differences of up to this that a comparison cannot show call for a warning."""
 
 CORE_PACKAGES = (
     "numpy",
@@ -71,6 +75,8 @@ def all_checks(results: Path) -> Iterator[Check]:
         versions,
         processor,
         load,
+        noise,
+        frequency,
         memory,
         warp,
         kernel_cache,
@@ -99,11 +105,45 @@ def versions() -> Check:
 
 def processor() -> Check:
     """Look at the processor and at how much of it this process may use."""
-    usable = available_cores()
-    found = f"{machine()}; this process may use {usable}"
+    usable = usable_cores()
+    found = f"{machine()}; this process may use {usable:g}"
     if usable < 2:
         return Check("processor", State.WARN, found, "with one core, other programs disturb every measurement")
     return Check("processor", State.OK, found)
+
+
+def frequency() -> Check:
+    """Look at what changes the cores' frequency."""
+    found = governors()
+    words = [f"governor {', '.join(found)}" if found else "no governor is visible (a virtual machine hides it)"]
+    if turbo() is not None:
+        words.append("turbo on" if turbo() else "turbo off")
+    throttled = throttle_count()
+    if throttled is not None:
+        words.append(f"slowed down for heat {throttled} times since the start")
+    if any(governor != "performance" for governor in found):
+        remedy = "`cpupower frequency-set -g performance` keeps cores from following the load"
+        return Check("frequency", State.WARN, ", ".join(words), remedy)
+    return Check("frequency", State.OK, ", ".join(words))
+
+
+def noise(sampler: Sampler | None = None) -> Check:
+    """Measure a calculation against itself, and say what to expect of comparisons."""
+    seen = measured_noise(sampler)
+    smallest = seen.smallest_difference(DEFAULT_ROUNDS, PROCESSES)
+    found = (
+        f"{seen.of_rounds:.1%} from round to round, {seen.of_processes:.1%} from process to process: "
+        f"{DEFAULT_ROUNDS} rounds in {PROCESSES} processes show differences from about {smallest:.1%} on"
+    )
+    finer = smallest / 2.0
+    rounds = seen.rounds_for(finer, PROCESSES)
+    if rounds is not None and rounds > DEFAULT_ROUNDS:
+        found += f", smaller ones need more: {finer:.1%} about {rounds}"
+    elif smallest > 0.0:
+        found += ", smaller ones need more processes"
+    if smallest > _NOISY:
+        return Check("noise", State.WARN, found, "end other programs, or measure when the machine is quiet")
+    return Check("noise", State.OK, found)
 
 
 def load() -> Check:

@@ -22,6 +22,7 @@ import typer
 from shadowbench.cli import completion
 from shadowbench.cli.console import complain, err, plain, put, reserved_stdout
 from shadowbench.cli.exit_status import ExitStatus
+from shadowbench.cli.interruption import ended_like_ctrl_c
 from shadowbench.cli.options import DEFAULT_RESULTS, PluginOption, ResultsOption
 from shadowbench.errors import ShadowbenchError
 
@@ -100,7 +101,13 @@ def run(
         typer.Option("--threads", metavar="N", min=1, help="Threads a method may use; by default all cores."),
     ] = None,
     results: ResultsOption = DEFAULT_RESULTS,
-    fresh: Annotated[bool, typer.Option("--fresh", help="Measure again what an earlier run has finished.")] = False,
+    fresh: Annotated[
+        bool,
+        typer.Option(
+            "--fresh",
+            help="Begin a new run even if one of the same cases is there, and take over nothing that is known.",
+        ),
+    ] = False,
     timeout: Annotated[
         float | None, typer.Option("--timeout", metavar="S", help="Longest that a step of a case may take [s].")
     ] = None,
@@ -115,7 +122,13 @@ def run(
         bool, typer.Option("--json", help="One result row a line on standard output, as each case ends.")
     ] = False,
 ) -> None:
-    """Measure experiments, or methods on scenes."""
+    """Measure experiments, or methods on scenes.
+
+    The same command again goes on with its run, or shows it if it is complete. Other cases make another run: all of
+    them are timed, in the same rounds, since times of different runs are not compared; but what a case looks like,
+    counts and keeps is taken over from any earlier run, of any machine, that measured the same scene, method and code,
+    once the case is seen to give the same bits.
+    """
     from shadowbench.runner import RunOptions, plan
 
     choices = {
@@ -143,7 +156,7 @@ def run(
         argv=("shadowbench", *(context.obj or ())),
         **{name: value for name, value in given.items() if value is not None},
     )
-    with reserved_stdout() if as_json else nullcontext() as stream:
+    with ended_like_ctrl_c(), reserved_stdout() if as_json else nullcontext() as stream:
         with err().status("planning: finding methods, making scenes"):
             planned = plan(asked, options)
         if dry_run:

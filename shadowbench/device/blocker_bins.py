@@ -17,7 +17,7 @@ from shadowbench.device.arrays import as_warp
 from shadowbench.device.blocker_batches import LANES
 from shadowbench.device.launch import Context, kernel_options, launch
 from shadowbench.device.light_samples import exclusive_sums
-from shadowbench.device.placed_triangles import TriangleBatch, owner_of
+from shadowbench.device.placed_triangles import TriangleBatch
 from shadowbench.world import Casters
 
 wp.set_module_options(kernel_options(native=True))
@@ -33,13 +33,11 @@ class BlockerLists:
     Attributes:
         corner: Their corners, shape [3 * listed_count] at least, and padding that batches read.
         number: Their numbers in the batch, shape [listed_count].
-        first_number: Added to these, their numbers among the casters.
         first: Where each region's list begins, shape [region_count + 1].
     """
 
     corner: wp.array[wp.vec3]
     number: wp.array[wp.int32]
-    first_number: wp.int32
     first: wp.array[wp.int32]
 
 
@@ -48,11 +46,12 @@ class Transmittances:
     """What triangles let through of red, green and blue.
 
     Attributes:
-        first_triangle: Of each casting instance, shape [instance_count + 1]; empty where all casters are opaque.
-        of_instance: Each casting instance's transmittance, shape [instance_count].
+        instance: Each triangle's casting instance, shape [triangle_count]; empty where all casters are opaque, and
+            until :func:`of_batch` says of which batch.
+        of_instance: Each casting instance's transmittance, shape [instance_count]; empty where all casters are opaque.
     """
 
-    first_triangle: wp.array[wp.int64]
+    instance: wp.array[wp.int32]
     of_instance: wp.array[wp.vec3]
 
 
@@ -68,34 +67,46 @@ def list_triangle(
 
 
 @wp.func
-def caster_of(transmittances: Transmittances, triangle: wp.int32):
-    """The instance of a caster triangle, where not all casters are opaque."""
-    return owner_of(wp.int64(triangle), transmittances.first_triangle, transmittances.of_instance.shape[0])
-
-
-@wp.func
 def transmittance_of(transmittances: Transmittances, triangle: wp.int32):
-    """A caster triangle's transmittance; 0 for an opaque one."""
+    """Transmittance of a triangle of the batch; 0 for an opaque one."""
     through = wp.vec3(0.0, 0.0, 0.0)
-    if transmittances.first_triangle.shape[0] > 0:
-        through = transmittances.of_instance[caster_of(transmittances, triangle)]
+    if transmittances.instance.shape[0] > 0:
+        through = transmittances.of_instance[transmittances.instance[triangle]]
     return through
 
 
 def transmittances_of(casters: Casters, device: str) -> Transmittances:
-    """Return the transmittances of casters' triangles."""
+    """Return the transmittances of casters' triangles, whole where there are flat arrays."""
     transmittances = Transmittances()
-    transmittances.first_triangle = wp.empty(0, dtype=wp.int64, device=device)
+    transmittances.instance = wp.empty(0, dtype=wp.int32, device=device)
+    transmittances.of_instance = wp.empty(0, dtype=wp.vec3, device=device)
     if not casters.is_opaque:
-        transmittances.first_triangle = as_warp(casters.first_triangle, wp.int64, device)
+        if casters.is_flat:
+            transmittances.instance = instances_of(np.diff(casters.first_triangle), 0, device)
         by_instance = np.array([i.transmittance for i in casters.instances], np.float32)
         transmittances.of_instance = as_warp(by_instance, wp.vec3, device)
     return transmittances
 
 
+def instances_of(triangle_counts: NDArray[np.int64], first_instance: int, device: str) -> wp.array[Any]:
+    """Return the instance of every triangle, int32, where instances that follow each other have so many."""
+    numbers = np.arange(first_instance, first_instance + len(triangle_counts), dtype=np.int32)
+    return as_warp(np.repeat(numbers, triangle_counts), wp.int32, device)
+
+
+def of_batch(transmittances: Transmittances, batch: TriangleBatch) -> Transmittances:
+    """Return the transmittances of a batch's triangles."""
+    if not let_light_through(transmittances) or transmittances.instance.shape[0] == batch.triangle_count:
+        return transmittances
+    own: Any = Transmittances()
+    own.of_instance = transmittances.of_instance
+    own.instance = instances_of(batch.triangle_counts, batch.first_instance, str(batch.triangles.device))
+    return own  # type: ignore[no-any-return]
+
+
 def let_light_through(transmittances: Transmittances) -> bool:
     """Return whether any caster is translucent."""
-    return bool(transmittances.first_triangle.shape[0] > 0)
+    return bool(transmittances.of_instance.shape[0] > 0)
 
 
 class BlockerBins:
@@ -165,7 +176,7 @@ class BlockerBins:
         first = np.append(begins[0], np.int32(total))
         if self._lists.number.shape[0] < total:
             self._reserve(total + total // 4)
-        self._lists.first, self._lists.first_number = as_warp(first, wp.int32, device), triangles.first_triangle
+        self._lists.first = as_warp(first, wp.int32, device)
         launch(
             copy_found,
             blocks,

@@ -14,7 +14,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from shadowbench.device.blocker_bins import BlockerBins, Transmittances, let_light_through
+from shadowbench.device.blocker_bins import BlockerBins, Transmittances, let_light_through, of_batch
 from shadowbench.device.blockers import Blocker
 from shadowbench.device.irregular_bsp_kernels import (
     SAMPLE_BLOCK,
@@ -169,7 +169,7 @@ class IrregularBsp:
                 self._window.space,
                 self._culling,
                 self._window.position,
-                self._transmittances,
+                of_batch(self._transmittances, triangles),
                 lists,
             ],
             outputs=[self._tree, self.samples, was_culled, counters],
@@ -257,8 +257,7 @@ class BruteForce:
                 space,
                 self._window.position,
                 *geometry,
-                self._transmittances,
-                triangles.first_triangle,
+                of_batch(self._transmittances, triangles),
                 blockers,
                 self._window.count,
             ],

@@ -306,7 +306,7 @@ def rasterize_subtrees(
         for j in range(count):
             k = first_k + j
             blocker = blockers[j]
-            through = transmittance_of(transmittances, lists.first_number + lists.number[k])
+            through = transmittance_of(transmittances, lists.number[k])
             node = root
             nodes = wp.int32(-1)  # the root was counted when it was found
             while node != 0:
@@ -378,7 +378,6 @@ def rasterize_all(
     vertices: wp.array[wp.vec3],
     indices: wp.array[wp.int32],
     transmittances: Transmittances,
-    first_number: wp.int32,
     blockers: wp.array[Blocker],
     sample_count: wp.int32,
     # outputs
@@ -402,7 +401,7 @@ def rasterize_all(
             vertices[indices[3 * t]],
             vertices[indices[3 * t + 1]],
             vertices[indices[3 * t + 2]],
-            transmittance_of(transmittances, first_number + t),
+            transmittance_of(transmittances, t),
             begin,
             end,
             doubtful,

@@ -19,7 +19,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from shadowbench.device.arrays import as_warp
-from shadowbench.device.blocker_bins import BlockerBins, Transmittances, let_light_through
+from shadowbench.device.blocker_bins import BlockerBins, Transmittances, let_light_through, of_batch
 from shadowbench.device.irregular_strips_kernels import (
     SAMPLE_BLOCK,
     Strip,
@@ -178,7 +178,7 @@ class IrregularStrips:
             inputs=[
                 self._window.space,
                 self._window.position,
-                self._transmittances,
+                of_batch(self._transmittances, triangles),
                 lists,
                 self._strips,
                 self._first_of_cell,

@@ -257,7 +257,7 @@ def rasterize_strips(
                     lists.corner[3 * k],
                     lists.corner[3 * k + 1],
                     lists.corner[3 * k + 2],
-                    transmittance_of(transmittances, lists.first_number + lists.number[k]),
+                    transmittance_of(transmittances, lists.number[k]),
                     run[0],
                     run[1],
                     doubtful,

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
 from shadowbench.device.arrays import as_warp
 from shadowbench.device.launch import Context, kernel_options, launch
@@ -63,10 +64,12 @@ class TriangleBatch(DeviceTriangles):
     Attributes:
         first_triangle: Number of the first of them; the others follow.
         first_instance: Of the instances they belong to, the first.
+        triangle_counts: Of these instances, int64.
     """
 
     first_triangle: int
     first_instance: int
+    triangle_counts: NDArray[np.int64]
 
 
 @wp.func
@@ -213,7 +216,7 @@ def stream(placed: PlacedInstances, context: Context) -> Iterator[TriangleBatch]
     if placed.is_flat:
         flat = placed.on(context.device)
         if flat.triangle_count:
-            yield TriangleBatch(flat.vertices, flat.triangles, 0, 0)
+            yield TriangleBatch(flat.vertices, flat.triangles, 0, 0, np.diff(placed.first_triangle))
         return
     lookup, device = placed.lookup(context.device), context.device
     spans = batch_spans(placed)
@@ -234,7 +237,9 @@ def stream(placed: PlacedInstances, context: Context) -> Iterator[TriangleBatch]
             for kernel, number, output in ((_place_vertices, own, vertices), (_place_triangles, count, triangles)):
                 blocks = -(-number // int(_BLOCK))
                 launch(kernel, blocks, inputs=[lookup, begin, number], outputs=[output], context=context)
-            yield TriangleBatch(vertices[:own], triangles[: 3 * count], int(placed.first_triangle[begin]), begin)
+            counts = np.diff(placed.first_triangle[begin : end + 1])
+            number = int(placed.first_triangle[begin])
+            yield TriangleBatch(vertices[:own], triangles[: 3 * count], number, begin, counts)
     finally:
         idle.append((vertices, triangles))
 

@@ -14,7 +14,15 @@ import numpy as np
 import warp as wp
 
 from shadowbench.device.arrays import as_warp
-from shadowbench.device.blocker_bins import Transmittances, caster_of, transmittances_of
+from shadowbench.device.blocker_bins import instances_of
+from shadowbench.device.instance_forest import InstanceForest
+from shadowbench.device.instance_forest_kernels import (
+    Forest,
+    corners_in_instance,
+    crossing_in_instance,
+    ray_in_mesh,
+    tree_of,
+)
 from shadowbench.device.launch import Context, kernel_options, launch
 from shadowbench.device.rays import (
     Ray,
@@ -45,17 +53,17 @@ class Glass:
     """Transmittances as they follow each other in the file.
 
     Attributes:
-        of_triangle: Each caster triangle's instance and each instance's transmittance.
+        instance: Of each caster triangle, shape [triangle_count]; empty for a forest, which knows.
         group: Of each instance, shape [instance_count]: neighbours of the same transmittance share one; -1 if opaque.
         transmittance: Of each group, shape [group_count].
     """
 
-    of_triangle: Transmittances
+    instance: wp.array[wp.int32]
     group: wp.array[wp.int32]
     transmittance: wp.array[wp.vec3]
 
 
-def glass_of(casters: Casters, device: str) -> Glass:
+def glass_of(casters: Casters, device: str, *, by_triangle: bool) -> Glass:
     """Return the transmittances of casters that are not all opaque."""
     groups, transmittances = [], []
     for transmittance, instances in groupby(casters.instances, key=lambda i: i.transmittance):
@@ -63,7 +71,8 @@ def glass_of(casters: Casters, device: str) -> Glass:
         groups += [-1 if is_opaque else len(transmittances)] * sum(1 for _ in instances)
         transmittances += [] if is_opaque else [transmittance]
     glass = Glass()
-    glass.of_triangle = transmittances_of(casters, device)
+    counts = np.diff(casters.first_triangle) if by_triangle else np.zeros(0, np.int64)
+    glass.instance = instances_of(counts, 0, device)
     glass.group = as_warp(np.array(groups, np.int32), wp.int32, device)
     glass.transmittance = as_warp(np.array(transmittances, np.float32), wp.vec3, device)
     return glass
@@ -96,7 +105,7 @@ def count_crossings(tree: Tree, ray: Ray, glass: Glass, crossings: wp.array[wp.i
         while candidates != wp.uint32(0) and not blocked:
             lane = lowest_lane(candidates)
             candidates = without_lowest(candidates)
-            group = glass.group[caster_of(glass.of_triangle, tree.triangle[cursor.pack * LANES + lane])]
+            group = glass.group[glass.instance[tree.triangle[cursor.pack * LANES + lane]]]
             if group < 0:
                 blocked = crossing_in_pack(tree, ray, cursor.pack, lane) > wp.float64(0.0)
             elif crosses_once(tree, ray, cursor.pack, lane):
@@ -106,6 +115,97 @@ def count_crossings(tree: Tree, ray: Ray, glass: Glass, crossings: wp.array[wp.i
         else:
             cursor = next_pack(tree, ray, limit, pending, cursor)
     return blocked
+
+
+@wp.func
+def product(crossings: wp.array[wp.int32], glass: Glass):
+    """What is left of the light, multiplied in the order of the file."""
+    through = wp.vec3(1.0, 1.0, 1.0)
+    for group in range(glass.transmittance.shape[0]):
+        for _ in range(crossings[group]):
+            through = wp.cw_mul(through, glass.transmittance[group])
+    return through
+
+
+@wp.func
+def count_crossings_in_instance(
+    forest: Forest,
+    ray: Ray,
+    instance: wp.int32,
+    glass: Glass,
+    crossings: wp.array[wp.int32],
+    pending: wp.array[wp.uint32],
+):
+    """:func:`count_crossings` of one instance."""
+    mesh = forest.mesh[instance]
+    tree = tree_of(forest, mesh)
+    local = ray_in_mesh(forest, instance, ray)
+    limit = box_limit(local, ray.reach)
+    group = glass.group[instance]
+    blocked = wp.bool(False)
+    cursor = first_pack(tree, local, limit, pending)
+    while cursor.pack >= 0:
+        pack = forest.pack[mesh] + cursor.pack
+        candidates = candidates_in_pack(tree, local, pack)
+        while candidates != wp.uint32(0) and not blocked:
+            triangle = forest.triangle[pack * LANES + lowest_lane(candidates)]
+            candidates = without_lowest(candidates)
+            if group < 0:
+                blocked = crossing_in_instance(forest, ray, instance, triangle) > wp.float64(0.0)
+            else:
+                a, b, c = corners_in_instance(forest, instance, triangle)
+                t = crossing_once(wp.vec3d(ray.origin), ray.towards, ray.reach, ray.tolerance, a, b, c)
+                if t > wp.float64(0.0):
+                    crossings[group] = crossings[group] + 1
+        if blocked:
+            cursor.pack = -1
+        else:
+            cursor = next_pack(tree, local, limit, pending, cursor)
+    return blocked
+
+
+@wp.func
+def count_crossings_in_forest(forest: Forest, ray: Ray, glass: Glass, crossings: wp.array[wp.int32]):
+    """:func:`count_crossings` through instances."""
+    pending_over = wp.zeros(shape=(MAX_LEVELS,), dtype=wp.uint32)
+    pending = wp.zeros(shape=(MAX_LEVELS,), dtype=wp.uint32)
+    limit = box_limit(ray, ray.reach)
+    blocked = wp.bool(False)
+    cursor = first_pack(forest.over, ray, limit, pending_over)
+    while cursor.pack >= 0:
+        instance = forest.order[cursor.pack]
+        blocked = count_crossings_in_instance(forest, ray, instance, glass, crossings, pending)
+        if blocked:
+            cursor.pack = -1
+        else:
+            cursor = next_pack(forest.over, ray, limit, pending_over, cursor)
+    return blocked
+
+
+@wp.kernel
+def _trace_through_forest(
+    first: wp.int32,
+    # inputs
+    forest: Forest,
+    light: LightPoint,
+    tolerance: wp.float64,
+    glass: Glass,
+    asked: wp.array[wp.uint8],
+    position: wp.array[wp.vec3],
+    crossings: wp.array2d[wp.int32],
+    # outputs
+    visibility: wp.array2d[wp.float32],
+):
+    i = wp.tid() + first
+    through = wp.vec3(0.0, 0.0, 0.0)
+    if asked[i] != wp.uint8(0):
+        for group in range(glass.transmittance.shape[0]):
+            crossings[i, group] = 0
+        ray = surface_ray(light, position[i], tolerance)
+        if not count_crossings_in_forest(forest, ray, glass, crossings[i]):
+            through = product(crossings[i], glass)
+    for channel in range(3):
+        visibility[i, channel] = through[channel]
 
 
 @wp.kernel
@@ -125,20 +225,16 @@ def _trace_through(
     i = wp.tid() + first
     through = wp.vec3(0.0, 0.0, 0.0)
     if asked[i] != wp.uint8(0):
-        group_count = glass.transmittance.shape[0]
-        for group in range(group_count):
+        for group in range(glass.transmittance.shape[0]):
             crossings[i, group] = 0
         if not count_crossings(tree, surface_ray(light, position[i], tolerance), glass, crossings[i]):
-            through = wp.vec3(1.0, 1.0, 1.0)
-            for group in range(group_count):
-                for _ in range(crossings[i, group]):
-                    through = wp.cw_mul(through, glass.transmittance[group])
+            through = product(crossings[i], glass)
     for channel in range(3):
         visibility[i, channel] = through[channel]
 
 
 def trace_through(
-    tree: TriangleTree,
+    tree: TriangleTree | InstanceForest,
     casters: Casters,
     light: Light,
     *,
@@ -159,7 +255,8 @@ def trace_through(
             gets what red does.
         context: Where to run.
     """
-    glass, count = glass_of(casters, context.device), int(position.shape[0])
+    is_forest, count = isinstance(tree, InstanceForest), int(position.shape[0])
+    glass = glass_of(casters, context.device, by_triangle=not is_forest)
     by_channel = visibility
     if visibility.ndim == 1:
         by_channel = wp.empty((count, 3), dtype=wp.float32, device=context.device)
@@ -169,7 +266,7 @@ def trace_through(
     for begin in range(0, count, block):
         end = min(begin + block, count)
         launch(
-            _trace_through,
+            _trace_through_forest if is_forest else _trace_through,
             end - begin,
             inputs=[
                 tree.packed(),

@@ -24,6 +24,7 @@ from typing import Any, cast
 
 import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
 from shadowbench.device.launch import Context, launch
 from shadowbench.device.triangle_tree_kernels import (
@@ -35,13 +36,26 @@ from shadowbench.device.triangle_tree_kernels import (
     write_keys,
 )
 from shadowbench.device.visibility import ULP
-from shadowbench.world import Casters
+from shadowbench.world import Casters, DeviceTriangles
 
 BOX_MARGIN_ULPS = 8
 """How much boxes are inflated, in ulps of the world's largest coordinate."""
 
 _KEY_BITS = 64
 """For a place along the curve and the triangle's number."""
+
+
+def node_counts(pack_count: int) -> list[int]:
+    """Return the number of nodes of each level, from the parents of packs to the root."""
+    counts = [max(1, -(-pack_count // int(LANES)))]
+    while counts[-1] > 1:
+        counts.append(-(-counts[-1] // int(LANES)))
+    return counts
+
+
+def first_nodes(counts: list[int]) -> list[int]:
+    """Return the number of each level's first node."""
+    return [sum(counts[:level]) for level in range(len(counts))]
 
 
 class TriangleTree:
@@ -59,10 +73,8 @@ class TriangleTree:
         self.triangle_count, self.context = triangle_count, context
         lanes, device = int(LANES), context.device
         self._pack_count = -(-triangle_count // lanes)
-        self._node_counts = [max(1, -(-self._pack_count // lanes))]
-        while self._node_counts[-1] > 1:
-            self._node_counts.append(-(-self._node_counts[-1] // lanes))
-        self._first_node = [sum(self._node_counts[:level]) for level in range(len(self._node_counts))]
+        self._node_counts = node_counts(self._pack_count)
+        self._first_node = first_nodes(self._node_counts)
         self._first_node_on_device: wp.array[Any] = wp.array(self._first_node, dtype=wp.int32, device=device)
         self.corners: wp.array[Any] = wp.empty(self._pack_count * 9 * lanes, dtype=wp.float32, device=device)
         self.triangle: wp.array[Any] = wp.empty(self._pack_count * lanes, dtype=wp.int32, device=device)
@@ -72,10 +84,28 @@ class TriangleTree:
     def build(self, casters: Casters) -> None:
         """Build the tree over all triangles of ``casters``; the same bits for every number of threads."""
         self._scale = casters.scale
-        if self.triangle_count == 0:
-            return
-        triangles = casters.on(self.context.device)
-        low, high = casters.bounds()
+        if self.triangle_count:
+            margin = BOX_MARGIN_ULPS * ULP * casters.scale
+            self.build_over(casters.on(self.context.device), *casters.bounds(), scale=casters.scale, margin=margin)
+
+    def build_over(
+        self,
+        triangles: DeviceTriangles,
+        low: NDArray[np.floating],
+        high: NDArray[np.floating],
+        *,
+        scale: float,
+        margin: float,
+    ) -> None:
+        """Build the tree over triangles in any space.
+
+        Args:
+            triangles: As many as the tree holds, at least 1.
+            low, high: Bounds of their vertices.
+            scale: Largest absolute coordinate that the triangle test of rays is to reckon with.
+            margin: How much boxes are inflated.
+        """
+        self._scale = scale
         extent = float((high.astype(np.float64) - low).max())
         number_bits = self.triangle_count.bit_length()
         curve_bits = min((_KEY_BITS - number_bits) // 3, MOST_CURVE_BITS)
@@ -88,7 +118,6 @@ class TriangleTree:
             [keys],
         )
         keys.assign(np.sort(keys.numpy()))
-        margin = BOX_MARGIN_ULPS * ULP * casters.scale
         self._launch(
             fill_packs,
             self._pack_count,
@@ -101,6 +130,15 @@ class TriangleTree:
 
     def _launch(self, kernel: wp.Kernel, count: int, inputs: list[Any], outputs: list[Any]) -> None:
         launch(kernel, count, inputs, outputs, context=self.context)
+
+    @property
+    def levels(self) -> list[int]:
+        """Number of each level's first node, from the parents of packs to the root."""
+        return self._first_node
+
+    def fits(self, casters: Casters) -> bool:
+        """Return whether :meth:`build` may be called with these casters."""
+        return casters.triangle_count == self.triangle_count
 
     def packed(self) -> Tree:
         """Return the tree, once built, for kernels."""

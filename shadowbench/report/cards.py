@@ -16,8 +16,9 @@ from shadowbench.experiment import Choice
 from shadowbench.report import wording
 from shadowbench.report.embedding import PicturePool, Priority
 from shadowbench.report.masks import CLASSIFIED, KINDS
-from shadowbench.rows import Outcome, ResultRow, RunRecord, own_libraries
+from shadowbench.rows import RATIOS, Outcome, ResultRow, RunRecord, own_libraries
 from shadowbench.tables.columns import header_text
+from shadowbench.tables.verdicts import Verdicts, ratio_text
 
 Facts = list[tuple[str, str]]
 """(name, value) pairs, as text."""
@@ -117,8 +118,19 @@ class Card:
         }
 
 
-def card_of(run: RunRecord, row: ResultRow, title: str, anchor: str, pool: PicturePool) -> Card:
-    """Return a row's card; its pictures are asked of the pool."""
+def card_of(
+    run: RunRecord, row: ResultRow, title: str, anchor: str, pool: PicturePool, verdicts: Verdicts | None = None
+) -> Card:
+    """Return a row's card; its pictures are asked of the pool.
+
+    Args:
+        run: The row's.
+        row: What was measured.
+        title: The card's heading.
+        anchor: Its id in the page.
+        pool: Of the page's pictures.
+        verdicts: How the times of its view's cases compare.
+    """
     result = row.artifacts.get("result")
     parts = _mask_parts(row)
     return Card(
@@ -130,7 +142,7 @@ def card_of(run: RunRecord, row: ResultRow, title: str, anchor: str, pool: Pictu
         layers=_layers(row, pool),
         classes=[name for name, _ in parts],
         headline=_headline(row),
-        sections=[section for section in _sections(run, row) if section.lines],
+        sections=[section for section in _sections(run, row, verdicts) if section.lines],
         command=reproduce_command(row),
     )
 
@@ -167,9 +179,10 @@ def _headline(row: ResultRow) -> Facts:
     return [fact for fact in facts if fact[1] != wording.ABSENT]
 
 
-def _sections(run: RunRecord, row: ResultRow) -> list[Section]:
+def _sections(run: RunRecord, row: ResultRow, verdicts: Verdicts | None) -> list[Section]:
     return [
         Section("Times", ("", "median", "95 % interval"), _times(row)),
+        Section("Against the first case", ("", "times as long, by round", ""), _against(row, verdicts)),
         Section("Stages", ("", "median", "of build + shade"), _stages(row)),
         Section("Quality", ("", "value", "receivers"), _measures(row)),
         Section("Counters", ("", "value"), [(k, wording.count(v)) for k, v in row.counters.items()]),
@@ -191,12 +204,24 @@ def _times(row: ResultRow) -> list[tuple[str, ...]]:
     return found
 
 
+def _against(row: ResultRow, verdicts: Verdicts | None) -> list[tuple[str, ...]]:
+    """Return the ratios of the case's times to those of its comparison's first case."""
+    found: list[tuple[str, ...]] = []
+    for ratio, time in RATIOS.items():
+        judgement = None if verdicts is None else verdicts.of(row, ratio)
+        if judgement is not None:
+            name = TIMES[time.removesuffix("_ms")]
+            found.append((name, ratio_text(judgement.ratio), judgement.verdict.value))
+    return found
+
+
 def _stages(row: ResultRow) -> list[tuple[str, ...]]:
     """Stage medians and, as the last entry, what they leave of build + shade (medians need not add up exactly)."""
     total = (row.build_ms or 0.0) + (row.shade_ms or 0.0)
     if not row.stages or total <= 0.0:
         return [(name, wording.milliseconds(duration), "") for name, duration in row.stages.items()]
-    durations = row.stages | {"not in any stage": max(0.0, total - sum(row.stages.values()))}
+    rest = total - sum(row.stages.values()) if row.unexplained_ms is None else row.unexplained_ms
+    durations = row.stages | {"not in any stage": max(0.0, rest)}
     return [
         (name, wording.milliseconds(duration), f"{round(min(100.0, 100.0 * duration / total), 1)} %")
         for name, duration in durations.items()
@@ -222,7 +247,10 @@ def _origin(run: RunRecord, row: ResultRow) -> Facts:
         ("experiment", row.experiment),
         ("self-hit rule", row.self_hit),
         ("device", f"{row.device}, threads: {row.threads}"),
-        ("rounds", "" if row.rounds is None else str(row.rounds)),
+        ("rounds", _rounds(row)),
+        ("ended by", _ENDINGS.get(row.ended_by, row.ended_by)),
+        ("one sample", _sample(row)),
+        ("outliers", ", ".join(f"round {number + 1}" for number in row.outlier_rounds)),
         ("largest resident size", "" if row.peak_rss_bytes is None else wording.byte_size(row.peak_rss_bytes)),
         ("measured", wording.moment(row.measured_at) if row.measured_at else ""),
         *own_libraries(run, [row]).items(),
@@ -230,6 +258,30 @@ def _origin(run: RunRecord, row: ResultRow) -> Facts:
         ("case", row.case_key),
     ]
     return [fact for fact in facts if fact[1]]
+
+
+_ENDINGS = {
+    "interval": "the intervals: all are tight",
+    "budget": "the time budget",
+    "rounds": "the number of rounds",
+}
+
+
+def _rounds(row: ResultRow) -> str:
+    if row.rounds is None or row.processes is None:
+        return "" if row.rounds is None else str(row.rounds)
+    return f"{row.rounds}, in {row.processes} process{'es' if row.processes > 1 else ''}"
+
+
+def _sample(row: ResultRow) -> str:
+    if row.warm_up_frames is None:
+        return ""
+    repeats = [f"{count} {name}{'s' if (count or 0) > 1 else ''}" for name, count in _repeats(row).items()]
+    return f"{', '.join(repeats)}; after {row.warm_up_frames} frames to warm up"
+
+
+def _repeats(row: ResultRow) -> dict[str, int | None]:
+    return {"build": row.build_repeats, "shade": row.shade_repeats}
 
 
 def reproduce_command(row: ResultRow) -> str:

@@ -1,7 +1,8 @@
 """What a reader should know within ten seconds: how the cases ended, what won, on which machine, what to beware of.
 
-Only figures that a row holds are shown. Two durations whose 95 % intervals overlap are named together: the summary
-does not call a winner that the measurement did not decide.
+Only figures that a row holds are shown. Two durations that their rounds do not tell apart (or, of different rounds,
+whose 95 % intervals overlap) are named together: the summary does not call a winner that the measurement did not
+decide.
 """
 
 from __future__ import annotations
@@ -17,8 +18,11 @@ from shadowbench.report.cards import Card, Facts
 from shadowbench.report.embedding import Pool
 from shadowbench.report.views import SceneView
 from shadowbench.rows import Outcome, ResultRow, RunRecord, RunStatus, own_libraries
+from shadowbench.statistics import Verdict as Judged
+from shadowbench.statistics import judge
 from shadowbench.tables.claims import ClaimAnswer
 from shadowbench.tables.claims import Verdict as ClaimVerdict
+from shadowbench.tables.verdicts import contrast_of
 
 _NAMED = 3
 """Cases that are named; of more, only the number is said."""
@@ -198,17 +202,37 @@ def _failure(row: ResultRow) -> Span:
 
 
 def _finding(view: SceneView, candidates: dict[str, ResultRow], span: Callable[[ResultRow], Span]) -> Finding | None:
-    """Name the candidate with the smallest estimate, and those whose interval begins before its interval ends."""
+    """Name the candidate with the smallest estimate, and those that it does not clearly beat.
+
+    Of durations from the same rounds, the rounds' ratios tell; else those whose interval begins before its ends.
+    """
     if not candidates:
         return None
     order = sorted(candidates, key=lambda anchor: span(candidates[anchor])[1])
     best = candidates[order[0]]
-    tied = [anchor for anchor in order if span(candidates[anchor])[0] <= span(best)[2]]
+    slower = _slower(best, candidates) if span is _duration else {}
+    tied = [
+        anchor
+        for anchor in order
+        if not slower.get(anchor, span(candidates[anchor])[0] > span(best)[2] and anchor != order[0])
+    ]
     title = {card.anchor: card.title for card in view.cards}
     figures = f"{wording.milliseconds(best.dynamic_frame_ms)} a dynamic frame"
     if best.failure_percent is not None:
         figures = f"{wording.percent(best.failure_percent)} failing, {figures}"
     return Finding([(title[anchor], anchor) for anchor in tied[:_NAMED]], max(0, len(tied) - _NAMED), figures)
+
+
+def _slower(best: ResultRow, candidates: dict[str, ResultRow]) -> dict[str, bool]:
+    """Return which of those that were timed in the same rounds as the best are slower, judged together."""
+    contrasts = {
+        anchor: contrast
+        for anchor, row in candidates.items()
+        if row is not best and row.comparison == best.comparison
+        if (contrast := contrast_of(row, best, "dynamic_frame_ms")) is not None
+    }
+    judged = zip(contrasts, judge(list(contrasts.values())), strict=True)
+    return {anchor: judgement.verdict is Judged.SLOWER for anchor, judgement in judged}
 
 
 def _notices(run: RunRecord, rows: Sequence[ResultRow]) -> list[str]:

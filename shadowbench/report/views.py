@@ -13,8 +13,9 @@ from dataclasses import dataclass
 from shadowbench.report import wording
 from shadowbench.report.cards import Card, Facts, card_of
 from shadowbench.report.embedding import PicturePool, Priority
-from shadowbench.rows import ResultRow, RunRecord
+from shadowbench.rows import RATIOS, ResultRow, RunRecord
 from shadowbench.tables.labels import Labels
+from shadowbench.tables.verdicts import Verdicts
 
 Key = tuple[str, str, str, str, int, int, int, int]
 
@@ -69,6 +70,7 @@ def scene_views(run: RunRecord, rows: Sequence[ResultRow], pool: PicturePool) ->
     views = []
     for number, group in enumerate(by_view(rows), 1):
         first, anchor = group[0], f"view-{number}"
+        verdicts = Verdicts(group, rows, RATIOS)
         reference = next((row.artifacts["reference"] for row in group if "reference" in row.artifacts), "")
         views.append(
             SceneView(
@@ -80,7 +82,7 @@ def scene_views(run: RunRecord, rows: Sequence[ResultRow], pool: PicturePool) ->
                 width=first.width,
                 height=first.height,
                 cards=[
-                    card_of(run, row, title, f"{anchor}-case-{place}", pool)
+                    card_of(run, row, title, f"{anchor}-case-{place}", pool, verdicts)
                     for place, (row, title) in enumerate(zip(group, titles(group, run), strict=True), 1)
                 ],
             )

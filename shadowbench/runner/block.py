@@ -9,19 +9,22 @@ from __future__ import annotations
 
 import secrets
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import psutil
 
 from shadowbench.identity import available_cores, key_of
-from shadowbench.rows import Outcome
+from shadowbench.machine_state import Watch, Watched, load_average, warnings_of
+from shadowbench.rows import Outcome, ResultRow
 from shadowbench.runner.bench import OWN_WORK_TIMEOUT_S, Bench
 from shadowbench.runner.cases import Case, Obstacle
 from shadowbench.runner.members import CameraMember, Member
 from shadowbench.runner.pool import Worker
 from shadowbench.runner.protocol import CaseFailure
+from shadowbench.runner.reuse import difference, reused
 from shadowbench.runner.rounds import EndedBy, Pace, Step, order_of
 from shadowbench.runner.row_making import measured_row
 
@@ -45,12 +48,15 @@ class Block:
 
     Args:
         bench: The run's tools.
-        entries: Names of the view's world, receivers and reference in the cache.
+        entries: Names of the view's world and receivers in the cache, and of its reference if it is there already.
         case: Any of the comparison.
+        known: Quality key -> an earlier row with that quality.
     """
 
-    def __init__(self, bench: Bench, entries: dict[str, str], case: Case) -> None:
-        self._bench, self._entries = bench, entries
+    def __init__(
+        self, bench: Bench, entries: dict[str, str], case: Case, known: Mapping[str, ResultRow] | None = None
+    ) -> None:
+        self._bench, self._entries, self._known = bench, entries, known or {}
         self._name = f"{bench.run.run_id}-{case.comparison}-{secrets.token_hex(3)}"
         self._members: list[Member] = []
         self._case = case
@@ -58,6 +64,8 @@ class Block:
         self._camera: CameraMember | None = CameraMember(bench.pool.take(case.threads))
         self._load_camera(self._camera)
         self._pace: Pace | None = None
+        self._seen = Watched()
+        self._load_before = self._load_after = load_average()
 
     def has_room(self) -> bool:
         """Return whether another worker fits beside those that are parked; two always must, to be compared."""
@@ -101,14 +109,21 @@ class Block:
             max_rounds=options.max_rounds,
             most_processes=options.processes,
         )
-        step = Step.ROUND
+        step, watch = Step.ROUND, self._watch()
         while self._members and step is not Step.END:
             if step is Step.RENEW:
+                self._seen += watch.end()
                 self._renew()
+                watch = self._watch()
             begin = time.monotonic()
             for timed in order_of(self._everyone(), pace.rounds):
                 self._time_once(timed, pace)
             step = pace.after_round(time.monotonic() - begin, lambda: all(m.is_tight for m in self._everyone()))
+        self._seen += watch.end()
+        self._load_after = load_average()
+
+    def _watch(self) -> Watch:
+        return Watch(timed.worker.process_id for timed in self._everyone())
 
     def _renew(self) -> None:
         """Load every case again in a fresh worker."""
@@ -162,19 +177,57 @@ class Block:
     def finish(self) -> None:
         """Measure what is left, on all cores since nothing is timed any more, keep the rows and park the workers."""
         ahead = available_cores()
-        filtered = self._filter_reference()
-        new = [member for member in self._members if not member.is_repeat]
+        unknown = [member for member in list(self._members) if not member.is_repeat and not self._reuse(member)]
+        new = self._make_reference(unknown)
+        filtered = self._filter_reference(new)
+        new = list(filtered)
         for index, member in enumerate(new):
             for upcoming in new[index : index + ahead]:
                 if not upcoming.worker.is_busy:
-                    arguments = {"pictures": str(self._bench.pictures), "filtered": filtered[upcoming]}
+                    arguments = {
+                        "pictures": str(self._bench.pictures),
+                        "reference": self._entries["reference"],
+                        "filtered": filtered[upcoming],
+                    }
                     upcoming.worker.begin("measure", arguments)
             self._finish_one(member)
         for parked in self._everyone():
             self._bench.park(parked.worker)
 
-    def _filter_reference(self) -> dict[Member, str | None]:
-        """Have the view's reference filtered, once for each different kernel.
+    def _reuse(self, member: Member) -> bool:
+        """Keep a case's row with the quality of an earlier one, if there is such and the case gives the same bits."""
+        bench, case = self._bench, member.case
+        known = self._known.get(case.quality_key)
+        if known is None:
+            return False
+        try:
+            seen = member.worker.ask("summary", {}, bench.options.timeout_s)
+        except CaseFailure as failure:
+            self._leave(member, failure)
+            return True
+        found, is_wrong = difference(known, seen, machine=bench.run.machine, deterministic=case.deterministic)
+        if is_wrong:
+            bench.observer.note(f"{case.method} on {case.view}: {found}, and should be the same; measured anew")
+            member.warnings.append(f"{found}, and should be the same")
+        if found:
+            return False
+        self._keep_row(member, reused(known, seen, bench.run.run_id), known.artifacts)
+        return True
+
+    def _make_reference(self, members: list[Member]) -> list[Member]:
+        """Have the view's reference made if any case needs it; return those that can be measured with it."""
+        if not members or "reference" in self._entries:
+            return members
+        try:
+            self._entries = prepare_view(self._bench, self._case, with_reference=True)
+        except CaseFailure as failure:
+            for member in members:
+                self._leave(member, failure)
+            return []
+        return members
+
+    def _filter_reference(self, members: Sequence[Member]) -> dict[Member, str | None]:
+        """Have the view's reference filtered, once for each different kernel of some cases.
 
         Returns:
             The name of the cache's entry for each case that needs a row; ``None`` for a hard test, or where the
@@ -182,7 +235,7 @@ class Block:
         """
         bench, found = self._bench, dict[Member, str | None]()
         entry_of: dict[str, str | None] = {}
-        for member in [member for member in self._members if not member.is_repeat]:
+        for member in members:
             bench.observer.case_started(member.case, "filter the truth")
             try:
                 kernel = member.worker.ask("kernel", {}, bench.options.timeout_s)
@@ -200,7 +253,6 @@ class Block:
     def _filtered_entry(self, case: Case, kernel: dict[str, Any]) -> str | None:
         """Return the name of a filtered reference in the cache, or ``None`` if it cannot be made."""
         bench, cores = self._bench, available_cores()
-        worker = bench.pool.take(cores)
         arguments = {
             "cache": bench.cache,
             "entries": self._entries,
@@ -209,12 +261,10 @@ class Block:
             "threads": cores,
         }
         try:
-            entry: str = worker.ask("prepare_filtered", arguments, OWN_WORK_TIMEOUT_S)
+            entry: str = bench.own_work("prepare_filtered", arguments, cores)
         except CaseFailure as failure:
-            worker.kill()
             bench.observer.note(f"{case.view}: the reference cannot be filtered: {failure.reason}")
             return None
-        bench.park(worker)
         return entry
 
     def _everyone(self) -> Sequence[Member | CameraMember]:
@@ -259,13 +309,17 @@ class Block:
         bench.observer.case_started(case, "measure")
         try:
             measured = member.worker.end(bench.options.timeout_s)
-            measured["peak_rss_bytes"] = max(measured["peak_rss_bytes"], member.peak_rss_bytes)
-            measured["warnings"] += member.warnings
         except CaseFailure as failure:
             self._leave(member, failure)
             return
-        baseline = self._members[0]  # the comparison's first case; where it failed, the first that did not
         artifacts = {name: bench.keep_picture(Path(file)) for name, file in measured["pictures"].items()}
+        self._keep_row(member, measured, artifacts)
+
+    def _keep_row(self, member: Member, measured: dict[str, Any], artifacts: dict[str, str]) -> None:
+        bench, case = self._bench, member.case
+        measured["peak_rss_bytes"] = max(measured["peak_rss_bytes"], member.peak_rss_bytes)
+        measured["warnings"] += member.warnings
+        baseline = self._members[0]  # the comparison's first case; where it failed, the first that did not
         bench.keep(
             measured_row(
                 case,
@@ -274,6 +328,12 @@ class Block:
                 compile_ms=member.compile_ms,
                 timing=member.timing,
                 camera=self._camera.durations if self._camera is not None else (),
+                surroundings={
+                    "load_before": self._load_before,
+                    "load_after": self._load_after,
+                    **self._seen.record(),
+                },
+                disturbances=warnings_of(self._seen, case.threads),
                 ended_by=self._pace.ended_by if self._pace is not None else EndedBy.BUDGET,
                 repeats=member.repeats,
                 baseline_case=baseline.case.case_key,
@@ -294,3 +354,16 @@ class Block:
             self._bench.observer.note(f"{case.method} cannot be timed again as the baseline: {failure.reason}")
         else:
             self._bench.end(case, failure)
+
+
+def prepare_view(bench: Bench, case: Case, *, with_reference: bool) -> dict[str, str]:
+    """Have the receivers of a case's view made, and its reference if it is needed; return their names in the cache.
+
+    Raises:
+        CaseFailure: They cannot be made.
+    """
+    bench.observer.case_started(case, "prepare")
+    cores = available_cores()
+    arguments = {"cache": bench.cache, "view": asdict(case.view), "threads": cores, "with_reference": with_reference}
+    entries: dict[str, str] = bench.own_work("prepare", arguments, cores)
+    return entries

@@ -13,12 +13,17 @@ import os
 import pickle
 import struct
 import tempfile
+import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 _MAGIC = b"shadowbench cache 1\n"
 _ALIGNMENT = 64
 """A cache line, and more than any NumPy or Warp type asks for."""
+
+_WRITING = ".writing-"
+_ABANDONED_S = 3600.0
 
 _NUMPY_NAMES = frozenset({"ndarray", "dtype", "scalar", "_frombuffer", "_reconstruct"})
 _MODEL_MODULES = frozenset(
@@ -55,7 +60,7 @@ class Cache:
         head = pickle.dumps(value, protocol=5, buffer_callback=arrays.append)
         raw = [array.raw() for array in arrays]
         self.folder.mkdir(parents=True, exist_ok=True)
-        descriptor, temporary = tempfile.mkstemp(prefix=".writing-", dir=self.folder)
+        descriptor, temporary = tempfile.mkstemp(prefix=_WRITING, dir=self.folder)
         try:
             with os.fdopen(descriptor, "wb") as stream:
                 sizes = [len(head), *(part.nbytes for part in raw)]
@@ -86,7 +91,14 @@ class Cache:
             raise CacheMissError(f"cache entry {name}: {error}") from error
 
     def prune(self, byte_limit: int) -> None:
-        """Delete the least recently used entries until the folder holds at most ``byte_limit``."""
+        """Delete the least recently used entries until the folder holds at most ``byte_limit``.
+
+        What a killed process left half written goes as well, once it is old enough to be nobody's.
+        """
+        for file in self.folder.glob(f"{_WRITING}*"):
+            with suppress(FileNotFoundError):
+                if time.time() - file.stat().st_mtime > _ABANDONED_S:
+                    file.unlink()
         entries = []
         for file in self.folder.glob("*.cache"):
             try:

@@ -79,7 +79,7 @@ class CaseHost:
 
         Args:
             cache: The cache's folder.
-            entries: Names of ``world``, ``receivers`` and ``reference`` in it.
+            entries: Names of ``world`` and ``receivers`` in it.
             light, camera: Names in the world.
             moving: What moves between two frames, of :data:`shadowbench.choices.MOVING`.
             method: Its name.
@@ -93,7 +93,6 @@ class CaseHost:
         self._cache = Cache(Path(cache))
         self._world: World = self._cache.open(entries["world"])
         self._receivers: Receivers = self._cache.open(entries["receivers"])
-        self._reference: Reference = self._cache.open(entries["reference"])
         self._light: Light = self._world.lights[light]
         self._context = Context(device, threads)
         cls = self._registry.method(method)
@@ -134,7 +133,6 @@ class CaseHost:
         moves = self._before is not self._now  # and has moved once one build is over
         self._repeats = 1 if moves else build, shade
         gc.collect()
-        gc.freeze()  # what is alive now need not be looked at again while the clock runs
         return {
             "frames": warm_up.frames,
             "repeats": self._repeats,
@@ -175,17 +173,33 @@ class CaseHost:
         self._is_filtering = kernel is not None
         return None if kernel is None else asdict(kernel)
 
-    def measure(self, pictures: Path, filtered: str | None) -> dict[str, Any]:
+    def summary(self) -> dict[str, Any]:
+        """Return what the rounds gave, without comparing it with the truth; an earlier result is known by it."""
+        assert self._method is not None
+        return {
+            "counters": self._trace.counters,
+            "kept": self._trace.bytes_by_name(),
+            "self_hit": self._method.self_hit_rule(),
+            "view_dependent": self._method.is_view_dependent(),
+            "visibility_digest": self._first_digest,
+            "changed_count": None if self._method.deterministic else self._changed_count,
+            "peak_rss_bytes": peak_bytes(),
+            "warnings": self._warnings,
+        }
+
+    def measure(self, pictures: Path, reference: str, filtered: str | None) -> dict[str, Any]:
         """Compare the result with the reference and draw it; :meth:`kernel` comes first.
 
         Args:
             pictures: A folder to write the pictures to.
+            reference: Name of the reference in the cache.
             filtered: Name of the filtered reference in the cache; ``None`` for a hard test, or if it cannot be made.
 
         Raises:
             InvalidResultError: A mask or a heat map has not one value per receiver.
         """
         assert self._method is not None
+        self._reference: Reference = self._cache.open(reference)
         trace = self._trace
         self._tell_phase("explain")
         self._method.explain(self._receivers, trace)
@@ -220,17 +234,10 @@ class CaseHost:
             files[name] = str(file)
         if self._changed_count:
             self._warnings.append(f"up to {self._changed_count} receivers changed between repeats")
-        return {
+        return self.summary() | {
             "columns": {name: _plain(value) for name, value in columns.items()},
             "pictures": files,
-            "counters": trace.counters,
-            "kept": trace.bytes_by_name(),
-            "self_hit": self._method.self_hit_rule(),
-            "view_dependent": self._method.is_view_dependent(),
-            "visibility_digest": self._first_digest,
-            "changed_count": None if self._method.deterministic else self._changed_count,
             "peak_rss_bytes": self._peak,
-            "warnings": self._warnings,
         }
 
     def _likeness(self, filtered: FilteredReference | None) -> dict[str, Any]:

@@ -28,14 +28,14 @@ class RunOptions:
         threads: Numbers of threads for comparisons that do not say; empty for all available cores.
         timeout_s: Longest that one step of a case may take: loading, warming up, one round, or measuring [s].
         budget_s: Time for the rounds of one comparison; no round begins after it. Loading its cases again in fresh
-            processes may take as long once more. ``None`` for the experiment's own or else 30 s.
+            processes may take as long once more, and 12 s in any case. ``None`` for the experiment's own or else 30 s.
         memory_limit_bytes: Resident size at which a worker is stopped; ``None`` for the smaller of 8 GiB and 60 % of
             the machine's memory.
         min_rounds: Rounds before a comparison may end because its intervals are tight; from 6 on a median has a
             95 % interval.
         max_rounds: Rounds after which a comparison ends.
-        processes: Worker processes that the rounds of a case are divided among, where the budget allows.
-        fresh: Measure again what an earlier run of the same plan has finished.
+        processes: Worker processes that the rounds of a case are divided among, where the budget allows at least three.
+        fresh: Measure again what an earlier run of the same plan has finished, and take no quality over.
         plugin_files: Files given with ``--plugin``.
         argv: The command line, for the record.
     """
@@ -150,6 +150,7 @@ class Plan:
         plan_key: Hash of all case keys; equal for a run that would measure the same.
         notes: What the user should know before it begins.
         method_defaults: Method to parameter to default, so that tables can leave defaults out.
+        warp: The device, and how Warp compiles for it, for the record.
     """
 
     experiments: tuple[Experiment, ...]
@@ -158,6 +159,7 @@ class Plan:
     plan_key: str
     notes: tuple[str, ...] = ()
     method_defaults: dict[str, dict[str, Any]] = field(default_factory=dict)
+    warp: dict[str, Any] = field(default_factory=dict)
 
     @property
     def cases(self) -> tuple[Case, ...]:

@@ -8,14 +8,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict
 
 from shadowbench.identity import available_cores
 from shadowbench.rows import Outcome
 from shadowbench.runner.bench import OWN_WORK_TIMEOUT_S, Bench
-from shadowbench.runner.block import MOST_PARKED, Block
+from shadowbench.runner.block import MOST_PARKED, Block, prepare_view
 from shadowbench.runner.cases import Case, Obstacle
 from shadowbench.runner.protocol import CaseFailure
+
+LEAST_LOADING_BUDGET_S = 12.0
+"""For loading a comparison's cases again in fresh processes, however short its budget for rounds."""
 
 
 def measure_comparison(bench: Bench, cases: Sequence[Case], baseline: Case | None, budget_s: float) -> None:
@@ -36,16 +38,17 @@ def measure_comparison(bench: Bench, cases: Sequence[Case], baseline: Case | Non
     if not waiting:
         return
     _compile_kernels(bench, waiting)
+    known = bench.known(waiting)
     try:
-        entries = _prepare_view(bench, waiting[0])
+        entries = prepare_view(bench, waiting[0], with_reference=any(c.quality_key not in known for c in waiting))
     except CaseFailure as failure:
         obstacle = Obstacle(Outcome.ERROR, f"{waiting[0].view}: {failure.reason}", failure.stderr_tail)
         for case in waiting:
             bench.end(case, obstacle)
         return
-    loading_budget_s = budget_s / math.ceil(len(waiting) / MOST_PARKED)
+    loading_budget_s = max(budget_s, LEAST_LOADING_BUDGET_S) / math.ceil(len(waiting) / MOST_PARKED)
     while waiting:
-        block = Block(bench, entries, waiting[0])
+        block = Block(bench, entries, waiting[0], known)
         if baseline is not None and baseline not in waiting and baseline.case_key not in bench.failed:
             block.load(baseline, is_repeat=True)
         while waiting and block.has_room():
@@ -69,22 +72,3 @@ def _compile_kernels(bench: Bench, cases: Sequence[Case]) -> None:
     else:
         bench.kernel_ms = found | bench.kernel_ms
         bench.park(worker)
-
-
-def _prepare_view(bench: Bench, case: Case) -> dict[str, str]:
-    """Have receivers and reference made; return the names of the cache's entries.
-
-    Raises:
-        CaseFailure: They cannot be made.
-    """
-    bench.observer.case_started(case, "prepare")
-    cores = available_cores()
-    worker = bench.pool.take(cores)
-    arguments = {"cache": bench.cache, "view": asdict(case.view), "threads": cores}
-    try:
-        entries: dict[str, str] = worker.ask("prepare", arguments, OWN_WORK_TIMEOUT_S)
-    except CaseFailure:
-        worker.kill()
-        raise
-    bench.park(worker)
-    return entries

@@ -71,6 +71,7 @@ def plan(experiments: Sequence[Experiment], options: RunOptions) -> Plan:
         plan_key=key_of([[case.experiment, case.case_key] for case in cases]),
         notes=tuple(resolver.notes),
         method_defaults=resolver.method_defaults,
+        warp=resolver.warp,
     )
 
 
@@ -128,6 +129,7 @@ class _Resolver:
         self._threads = options.threads or (available_cores(),)
         self.notes: list[str] = []
         self.method_defaults: dict[str, dict[str, Any]] = {}
+        self.warp: dict[str, Any] = {}
 
     def __enter__(self) -> Self:
         return self
@@ -142,6 +144,7 @@ class _Resolver:
     def _device(self) -> dict[str, Any]:
         """What :func:`shadowbench.runner.resolving.describe_device` says."""
         described: dict[str, Any] = self._require("describe_device", device=self._options.device)
+        self.warp = described["settings"]
         return described
 
     def cases_of(self, experiment: Experiment, comparison: Comparison) -> list[list[Case]]:
@@ -302,16 +305,27 @@ class _Resolver:
     def _ask(self, call: str, **arguments: Any) -> Any:
         question = key_of([call, arguments])
         if question not in self._answers:
-            if self._worker is None or not self._worker.is_alive:
-                self._worker = self._pool.take(max(self._threads))
             try:
-                self._answers[question] = self._worker.ask(call, arguments, self._options.timeout_s)
+                self._answers[question] = self._asked(call, arguments)
             except CaseFailure as failure:
                 self._answers[question] = failure
         answer = self._answers[question]
         if isinstance(answer, CaseFailure):
             raise answer
         return answer
+
+    def _asked(self, call: str, arguments: dict[str, Any]) -> Any:
+        """Ask a worker, and another one if somebody kills the first."""
+        for _ in range(2):
+            if self._worker is None or self._worker.has_ended():
+                self._worker = self._pool.take(max(self._threads))
+            try:
+                return self._worker.ask(call, arguments, self._options.timeout_s)
+            except CaseFailure as failure:
+                latest = failure
+                if not failure.is_from_outside:
+                    break
+        raise latest
 
 
 def _one_of(names: list[str], wanted: str | None, what: str, scene: str) -> str:

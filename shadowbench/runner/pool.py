@@ -86,6 +86,11 @@ class Worker:
         self._started = False
         self._send({"call": "start", "arguments": settings})
 
+    @property
+    def process_id(self) -> int:
+        """The worker's own; what it starts has others."""
+        return self._process.pid
+
     def ask(self, call: str, arguments: dict[str, Any], timeout_s: float) -> Any:
         """Have the worker do something and return its answer.
 
@@ -120,6 +125,10 @@ class Worker:
             return self._await(timeout_s)
         finally:
             self.is_busy = False
+
+    def has_ended(self) -> bool:
+        """Return whether the process is gone: killed by :meth:`kill`, or by somebody else."""
+        return not self.is_alive or self._process.poll() is not None
 
     def forget_output(self) -> None:
         """Drop what was written so far: the next case is another one's."""
@@ -194,7 +203,12 @@ class Worker:
         reason = f"ended by {_signal_name(-code)}" if code < 0 else f"left with exit status {code}"
         if code == -signal.SIGKILL:
             reason += " (from the system's out-of-memory killer, or by hand)"
-        return CaseFailure(Outcome.CRASH, f"the worker {reason} during {phase}", stderr_tail=self.output_tail())
+        return CaseFailure(
+            Outcome.CRASH,
+            f"the worker {reason} during {phase}",
+            stderr_tail=self.output_tail(),
+            is_from_outside=code == -signal.SIGKILL,
+        )
 
     def _timed_out(self, timeout_s: float) -> CaseFailure:
         # the worker's fault handler prints on SIGABRT where each thread is, even inside a loop in C
@@ -269,7 +283,7 @@ class Pool:
     def take(self, threads: int) -> Worker:
         """Return a parked worker, or a new one that is still starting."""
         for worker in self._parked:
-            if worker.threads == threads and worker.is_alive:
+            if worker.threads == threads and not worker.has_ended():
                 self._parked.remove(worker)
                 worker.forget_output()
                 return worker
@@ -281,7 +295,7 @@ class Pool:
 
     def warm(self, threads: int, count: int) -> None:
         """Have at least ``count`` workers parked or starting, so that they start while others work."""
-        ready = sum(worker.threads == threads and worker.is_alive for worker in self._parked)
+        ready = sum(worker.threads == threads and not worker.has_ended() for worker in self._parked)
         self._parked += [self._start(threads) for _ in range(count - ready)]
 
     def park(self, worker: Worker) -> None:

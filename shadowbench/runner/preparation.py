@@ -1,7 +1,8 @@
 """What cases share, made once and kept in the cache: placed worlds, receivers, and ground truth.
 
 Runs in a worker. A scene is made when the plan is (its lights and cameras must be known); receivers and reference of a
-view are made before the first case that needs them, and the reference is filtered after the last round, for each kernel
+view are made before the first case that needs them (a reference only where quality is not known from an earlier run),
+and the reference is filtered after the last round, for each kernel
 that a method told. Each is keyed by what it is made of: contents, code, and the Warp that compiles its kernels.
 """
 
@@ -65,16 +66,17 @@ def world_name(key: str) -> str:
     return f"world-{key}"
 
 
-def prepare(folder: Path, view: dict[str, Any], threads: int) -> dict[str, Any]:
+def prepare(folder: Path, view: dict[str, Any], threads: int, *, with_reference: bool) -> dict[str, Any]:
     """Render the receivers of a view and compute their ground truth unless the cache has them.
 
     Args:
         folder: Of the cache.
         view: A :class:`shadowbench.runner.cases.View` as a dictionary.
         threads: To compute with; the result is the same for any number.
+        with_reference: Whether the ground truth is needed.
 
     Returns:
-        The cache names of ``world``, ``receivers`` and ``reference``, and the number of receivers.
+        The cache names of ``world``, ``receivers`` and, if it is needed, ``reference``.
 
     Raises:
         SceneError: The camera sees nothing.
@@ -107,15 +109,13 @@ def prepare(folder: Path, view: dict[str, Any], threads: int) -> dict[str, Any]:
             layers=view["layers"],
         )
         cache.store(receivers_entry, receivers)
+    entries = {"world": world_entry, "receivers": receivers_entry}
+    if not with_reference:
+        return entries
     if not cache.has(reference_entry):
         reference: Reference = hard_reference(world, receivers, light, context)
         cache.store(reference_entry, reference)
-    return {
-        "world": world_entry,
-        "receivers": receivers_entry,
-        "reference": reference_entry,
-        "receiver_count": receivers.count,
-    }
+    return entries | {"reference": reference_entry}
 
 
 def prepare_filtered(folder: Path, entries: dict[str, str], light: str, kernel: dict[str, Any], threads: int) -> str:

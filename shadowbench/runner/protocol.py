@@ -24,6 +24,7 @@ class CaseFailure(Exception):  # noqa: N818 - an outcome, not a mistake of the p
         reason: One line.
         error_class: Name of the exception, if there was one.
         stderr_tail: The end of what the worker wrote.
+        is_from_outside: The worker was killed, and not by the runner: what it did is not to blame.
     """
 
     def __init__(
@@ -33,12 +34,14 @@ class CaseFailure(Exception):  # noqa: N818 - an outcome, not a mistake of the p
         *,
         error_class: str = "",
         stderr_tail: str = "",
+        is_from_outside: bool = False,
     ) -> None:
         super().__init__(reason)
         self.outcome = outcome
         self.reason = reason
         self.error_class = error_class
         self.stderr_tail = stderr_tail
+        self.is_from_outside = is_from_outside
 
     def as_user_error(self) -> ShadowbenchError | None:
         """Return the error to show the user if it was one of :mod:`shadowbench.errors`, else ``None``."""

@@ -47,6 +47,12 @@ def describe_device(device: str) -> dict[str, Any]:
         "truth": key_of([code_digest(f"shadowbench.{name}") for name in ("camera_pass", "filtered_reference")]),
         "measures": key_of([METRIC_VERSION, library_version("scipy"), library_version("flip-evaluator")]),
         "warp": library_version("warp-lang") or "",
+        "settings": {
+            "device": f"{found.alias} ({found.name})",
+            "mode": str(wp.config.mode),
+            "cpu_compiler_flags": str(wp.config.cpu_compiler_flags or "Warp's own"),
+            "optimization_level": str(wp.config.optimization_level or "Warp's own"),
+        },
     }
 
 

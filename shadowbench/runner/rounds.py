@@ -24,6 +24,9 @@ NEGLIGIBLE_MS = 0.05
 LEAST_ROUNDS_A_PROCESS = 3
 """Where there are several; a process's median of fewer would be its noise."""
 
+LEAST_PROCESSES = 3
+"""If more than one: two agree or differ by chance, and tell next to nothing of a third."""
+
 
 def order_of(members: Sequence[T], round_number: int) -> list[T]:
     """Return the order of a round: there and back in turn, and rotated by one after each return.
@@ -69,7 +72,8 @@ class Pace:
 
     How many processes a case gets is decided after the first round, when it is known how long one takes: as many as
     asked for, if each has its three rounds within budget and number of rounds, and if loading all cases again takes no
-    longer than is allowed for it. Each process gets its share of both; it ends earlier once every interval is tight.
+    longer than is allowed for it; one, if that leaves two. Each process gets its share of both; it ends earlier once
+    every interval is tight.
 
     Args:
         budget_s: For the rounds, loading not counted [s].
@@ -133,4 +137,5 @@ class Pace:
         rounds = min(float(self._max_rounds), self._budget_s / max(self._timed_s, 1.0e-9))
         by_rounds = int(rounds) // LEAST_ROUNDS_A_PROCESS
         by_loading = 1 + int(self._loading_budget_s / max(self._loading_s, 1.0e-9))
-        return max(1, min(self._most_processes, by_rounds, by_loading))
+        found = min(self._most_processes, by_rounds, by_loading)
+        return found if found >= LEAST_PROCESSES else 1

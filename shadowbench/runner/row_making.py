@@ -80,6 +80,8 @@ def measured_row(
     compile_ms: float,
     timing: Timing,
     camera: Sequence[float],
+    surroundings: dict[str, Any],
+    disturbances: Sequence[str],
     ended_by: EndedBy,
     repeats: Sequence[int],
     baseline_case: str,
@@ -96,11 +98,14 @@ def measured_row(
         compile_ms: Compiling and loading kernels.
         timing: Its rounds.
         camera: The camera pass in the same rounds; empty if it could not be timed.
+        surroundings: What the machine did meanwhile, for the environment.
+        disturbances: What of that is worth a warning.
         ended_by: The rule that ended them.
         repeats: Of build and of shade within a sample.
         baseline_case: Key of the case that those of its rounds are compared with.
         baseline: The comparison's first case in the same rounds, where that case's own row has other rounds.
-        measured: What :meth:`shadowbench.runner.case_host.CaseHost.measure` returned.
+        measured: What :meth:`shadowbench.runner.case_host.CaseHost.measure` returned, or the same from an earlier run
+            (:func:`shadowbench.runner.reuse.reused`).
         artifacts: Names of the kept pictures.
     """
     columns = _common(case, run) | measured["columns"]
@@ -112,7 +117,8 @@ def measured_row(
     samples = {"build": timing.build, "shade": timing.shade, "camera": list(camera)}
     if baseline is not None:
         samples |= {"baseline build": baseline.build, "baseline shade": baseline.shade}
-    columns["warnings"] = [*columns["warnings"], *measured["warnings"], *_timing_warnings(timing)]
+    columns["warnings"] = [*columns["warnings"], *measured["warnings"], *_timing_warnings(timing), *disturbances]
+    columns["environment"] |= surroundings
     stage_names = dict.fromkeys(name for stages in timing.stages for name in stages)
     return ResultRow(
         **columns,
@@ -121,6 +127,7 @@ def measured_row(
         self_hit=measured["self_hit"],
         visibility_digest=measured["visibility_digest"],
         changed_count=measured["changed_count"],
+        quality_run=measured.get("quality_run", ""),
         baseline_case=baseline_case,
         rounds=len(timing.shade),
         processes=len(set(timing.processes)),

@@ -1,7 +1,9 @@
 """Running a plan: what is left of it, in order, every row durable before the next case ends.
 
 A run can be killed at any moment. Running the same plan again goes on with the same run: cases that have a row keep
-it, the others are measured. One run at a time works on a results folder.
+it, the others are measured. Another plan is another run, even if it has cases in common: times are compared within
+rounds, so all of its cases are timed anew, but their quality is taken from the earlier rows
+(:mod:`shadowbench.runner.reuse`). One run at a time works on a results folder.
 """
 
 from __future__ import annotations
@@ -20,13 +22,14 @@ from typing import TYPE_CHECKING, Any
 
 from shadowbench.errors import StoreError
 from shadowbench.experiment import Experiment
-from shadowbench.identity import code_version, environment, machine
+from shadowbench.identity import code_version, environment, machine, plugin_origin
 from shadowbench.rows import Outcome, RunRecord, RunStatus
 from shadowbench.runner.bench import Bench
 from shadowbench.runner.cache import Cache
 from shadowbench.runner.cases import Case, Observer, Plan, SilentObserver
 from shadowbench.runner.comparison import measure_comparison
 from shadowbench.runner.pool import Pool, default_memory_limit
+from shadowbench.runner.reuse import KnownQuality
 from shadowbench.runner.row_making import now
 
 if TYPE_CHECKING:
@@ -90,10 +93,17 @@ def _new_record(plan: Plan) -> RunRecord:
         argv=list(plan.options.argv),
         created_at=now(),
         machine=machine(),
-        environment=environment(),
+        environment=_environment(plan),
         code_version=code_version(),
         case_count=len(plan.cases),
     )
+
+
+def _environment(plan: Plan) -> dict[str, Any]:
+    """Return what a run's results and times depend on beside its code version."""
+    plugins = {file.name: plugin_origin(file) for file in plan.options.plugin_files}
+    found = environment() | {"warp": plan.warp, "plugins": plugins}
+    return {name: value for name, value in found.items() if value not in ({}, [], None)}
 
 
 def _definition(experiment: Experiment, plan: Plan) -> dict[str, Any]:
@@ -115,7 +125,8 @@ def _measure(plan: Plan, store: Store, record: RunRecord, observer: Observer) ->
         tempfile.TemporaryDirectory(prefix="shadowbench-") as pictures,  # outlives the workers that write to it
         Pool(options.plugin_files, options.memory_limit_bytes or default_memory_limit()) as pool,
     ):
-        bench = Bench(pool, options, record, store, observer, Path(pictures))
+        known = KnownQuality(store, only_run=record.run_id if options.fresh else None)
+        bench = Bench(pool, options, record, store, observer, Path(pictures), known)
         for cases in plan.comparisons:
             left = [case for case in cases if (case.experiment, case.case_key) not in finished]
             if left:

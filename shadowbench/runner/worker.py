@@ -35,6 +35,7 @@ class Desk:
         self._host: Any = None
         self._registry: Any = None
         self._plugin_files: tuple[Path, ...] = ()
+        self._is_frozen = False
 
     def start(self, plugin_files: list[str], memory_limit: int) -> None:
         """Limit memory and get ready."""
@@ -88,11 +89,11 @@ class Desk:
         plugins = [self.registry.method(name).__module__ for name in methods]
         return load_kernels(["shadowbench.camera_pass", "shadowbench.filtered_reference", *plugins], device)
 
-    def prepare(self, cache: str, view: dict[str, Any], threads: int) -> dict[str, Any]:
+    def prepare(self, cache: str, view: dict[str, Any], threads: int, with_reference: bool) -> dict[str, Any]:
         """See :func:`shadowbench.runner.preparation.prepare`."""
         from shadowbench.runner import preparation
 
-        return preparation.prepare(Path(cache), view, threads)
+        return preparation.prepare(Path(cache), view, threads, with_reference=with_reference)
 
     def prepare_filtered(
         self, cache: str, entries: dict[str, str], light: str, kernel: dict[str, Any], threads: int
@@ -107,7 +108,9 @@ class Desk:
         from shadowbench.runner.case_host import CaseHost
 
         self.close()
-        self._host = CaseHost(self.registry, self.tell_phase)
+        registry = self.registry
+        self._freeze()
+        self._host = CaseHost(registry, self.tell_phase)
         return self._host.load(**case)
 
     def load_camera(self, **view: Any) -> dict[str, Any]:
@@ -134,9 +137,13 @@ class Desk:
         """See the host."""
         return self._host.kernel()
 
-    def measure(self, pictures: str, filtered: str | None) -> dict[str, Any]:
+    def summary(self) -> dict[str, Any]:
         """See the host."""
-        return self._host.measure(Path(pictures), filtered)
+        return self._host.summary()
+
+    def measure(self, pictures: str, reference: str, filtered: str | None) -> dict[str, Any]:
+        """See the host."""
+        return self._host.measure(Path(pictures), reference, filtered)
 
     def close(self) -> None:
         """Let go of the case."""
@@ -145,8 +152,14 @@ class Desk:
             return
         host.close()
         del host
-        gc.unfreeze()
         gc.collect()
+
+    def _freeze(self) -> None:
+        """Spare the garbage collector what lives as long as the worker: most of what a case costs would be its."""
+        if not self._is_frozen:
+            gc.collect()
+            gc.freeze()
+            self._is_frozen = True
 
     @property
     def registry(self) -> Any:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import datetime as dt
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
@@ -31,6 +31,9 @@ DATABASE_NAME = "results.sqlite"
 
 LATEST = "latest"
 """The selector of the newest run."""
+
+_KEYS_AT_ONCE = 500
+"""In one statement; databases take some thousands."""
 
 _RUNS = StoredRun.__table__.c
 _ROWS = StoredRow.__table__.c
@@ -250,6 +253,32 @@ class Store:
             wanted.append(_ROWS.experiment == experiment)
         if case_key is not None:
             wanted.append(_ROWS.case_key == case_key)
+        return self._rows(*wanted)
+
+    def latest_measured(self, quality_keys: Iterable[str], run_id: str | None = None) -> dict[str, ResultRow]:
+        """Return the newest row of a measured case for each quality key that has one.
+
+        Args:
+            quality_keys: To look for.
+            run_id: Only in this run.
+        """
+        wanted = [_ROWS.outcome == Outcome.OK.value]
+        if run_id is not None:
+            wanted.append(_ROWS.run_id == run_id)
+        keys = sorted(set(quality_keys))
+        newest: list[int] = []
+        with self.session("read the rows") as session:
+            for begin in range(0, len(keys), _KEYS_AT_ONCE):
+                some = _ROWS.quality_key.in_(keys[begin : begin + _KEYS_AT_ONCE])
+                last = select(func.max(_ROWS.id)).where(*wanted, some).group_by(_ROWS.quality_key)
+                newest += session.execute(last).scalars()
+        found: dict[str, ResultRow] = {}
+        for begin in range(0, len(newest), _KEYS_AT_ONCE):
+            rows = self._rows(_ROWS.id.in_(newest[begin : begin + _KEYS_AT_ONCE]))
+            found |= {row.quality_key: row for row in rows}
+        return found
+
+    def _rows(self, *wanted: Any) -> list[ResultRow]:
         with self.session("read the rows") as session:
             long: dict[int, dict[str, list[tuple[str, Any]]]] = {}
             for table, model in LONG_MODELS.items():

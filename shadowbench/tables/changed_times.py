@@ -186,4 +186,4 @@ def _shares(durations: Sequence[float], beside: Sequence[float]) -> list[float]:
 
 def _processes(row: ResultRow) -> list[int] | None:
     """Return which worker process each round's samples are from, where the row knows."""
-    return list(getattr(row, "round_processes", ())) or None
+    return row.round_processes or None

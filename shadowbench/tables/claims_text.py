@@ -67,7 +67,7 @@ def _as_rich(answers: Sequence[ClaimAnswer]) -> RenderableType:
         for answer in (answer for answer in answers if answer.experiment == experiment):
             style = _STYLES[answer.verdict]
             said = Text(_short(answer.statement)) + Text(
-                f"\n{_short(answer.name)}: {_short(answer.source)}", style="dim"
+                "\n" + ": ".join(_short(text) for text in (answer.name, answer.source) if text), style="dim"
             )
             grid.add_row(Text(answer.verdict.value, style=style), said, Text(_short(answer.evidence)))
         parts += [Text(_short(experiment), style="bold"), grid]

@@ -28,7 +28,7 @@ def load_results(path: str | Path, run: str | None = "latest", *, table: str = "
             :class:`~shadowbench.rows.ResultRow`; parameters are columns ``method.resolution``, ``scene.triangles``, and
             stages, counters, kept arrays and artifacts ``stages.NAME`` and so on. ``stages``, ``counters``, ``kept``,
             ``samples`` or ``artifacts`` for one line a value: ``run_id, experiment, case_key, scene, method, name,
-            value, unit``, samples with their ``round``.
+            value, unit``, samples with their ``round`` and ``process``.
 
     What does not apply to a case is missing (NaN or NA), never 0. Counts, sizes and whole parameters are ``Int64``,
     switches ``boolean``, measures ``float64``, all of which can be missing. Times are milliseconds, sizes bytes.
@@ -99,9 +99,14 @@ def _long_frame(rows: list[ResultRow], table: str) -> pd.DataFrame:
         key = {name: getattr(row, name) for name in keys}
         for name, value in getattr(row, table).items():
             if table == "samples":
-                lines += [key | {"name": name, "round": i, "value": sample} for i, sample in enumerate(value)]
+                processes = dict(enumerate(row.round_processes))
+                lines += [
+                    key | {"name": name, "round": i, "process": processes.get(i), "value": sample}
+                    for i, sample in enumerate(value)
+                ]
             else:
                 lines.append(key | {"name": name, "value": value})
-    rounds = ("round",) if table == "samples" else ()
+    rounds = ("round", "process") if table == "samples" else ()
     frame = pd.DataFrame(lines, columns=[*keys, "name", *rounds, "value"])
+    frame = frame.astype({"process": "Int64"}) if rounds else frame
     return frame.assign(unit=LONG_UNITS[table])

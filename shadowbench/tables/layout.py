@@ -27,6 +27,7 @@ DEFAULT_VALUES = (
     "dynamic_frame_ratio",
     "dynamic_frame_verdict",
     "bytes_kept",
+    "peak_rss_bytes",
     "failure_percent",
     "false_lit_percent",
     "false_shadow_percent",

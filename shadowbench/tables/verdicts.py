@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from shadowbench.rows import RATIOS, VERDICTS, Outcome, ResultRow
-from shadowbench.statistics import Interval, Judgement, PairedContrast, judge, paired
+from shadowbench.statistics import LAYOUT_SHIFT, Interval, Judgement, PairedContrast, judge, paired
 from shadowbench.tables.numbers import number_text
 from shadowbench.tables.quantities import durations_of
 
@@ -101,8 +101,8 @@ class Verdicts:
         said = ["ratios: by round, to the first case of each comparison; 95 % intervals, corrected over the table"]
         if self.in_one_process:
             said.append(
-                f"{self.in_one_process} of {len(self._found)} ratios are from one process a case: differences of a few"
-                " percent may be its memory's layout; a larger --budget divides the rounds among several"
+                f"{self.in_one_process} of {len(self._found)} ratios are from one process a case, for whose layout in"
+                f" memory {LAYOUT_SHIFT:.0%} are allowed; a larger --budget divides the rounds among several"
             )
         return said
 

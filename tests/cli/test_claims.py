@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 from stored_rows import some_row, some_run
 
+from shadowbench.cli.run import _print_claims
 from shadowbench.store import Store
 
 Command = Callable[..., Any]
@@ -93,6 +94,16 @@ def test_wrong_option_of_claims_is_refused(command: Command, claimed: Path, opti
     assert ended.status == 2
     assert message in ended.err
     assert ended.out == ""
+
+
+def test_a_run_ends_with_how_many_claims_hold(claimed: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with Store.open(claimed) as store:
+        record = store.find_run("latest")
+        rows = store.rows(record.run_id)
+    _print_claims(rows, record)
+    assert capsys.readouterr().err == f"claims: 1 holds (shadowbench claims {record.run_id})\n"
+    _print_claims(rows, record.model_copy(update={"definitions": []}))
+    assert capsys.readouterr().err == "", "where nothing is claimed there is nothing to say"
 
 
 def test_a_run_without_claims_says_so(command: Command, results: Path) -> None:

@@ -30,7 +30,8 @@ class _Arithmetic(Method):
     title = "Arithmetic"
 
     class Parameters(ParameterModel):
-        steps: int = parameter(1000, unit="steps", help="Of the generator, for every receiver.", ge=1, le=1_000_000)
+        steps: int = parameter(800, unit="steps", help="Of the generator, for every receiver.", ge=1, le=1_000_000)
+        number: int = parameter(1, unit="1", help="Makes cases different.", ge=1, le=1_000_000)
 
     def build(self, casters, light, view, changes, trace):
         pass
@@ -50,3 +51,12 @@ class There(_Arithmetic):
     """The same arithmetic."""
 
     name = "there"
+
+
+class Free(_Arithmetic):
+    """Everything is lit, at once."""
+
+    name = "arithmetic-free"
+
+    def shade(self, receivers, visibility, trace):
+        visibility.fill_(1.0)

@@ -10,8 +10,9 @@ from stored_rows import png, some_row, some_run, with_masks, with_pictures
 from shadowbench.experiment import parse_choice, parse_size
 from shadowbench.report.cards import Card, Section, card_of, reproduce_command
 from shadowbench.report.embedding import PicturePool
-from shadowbench.rows import ResultRow
+from shadowbench.rows import RATIOS, ResultRow
 from shadowbench.store import Store
+from shadowbench.tables.verdicts import Verdicts
 
 
 def card(row: ResultRow, pool: PicturePool | None = None) -> Card:
@@ -93,3 +94,39 @@ def test_what_travels_as_json_has_its_control_characters_made_visible() -> None:
     assert "\x1b" not in text
     assert "\u202e" not in text
     assert "\\\\x1b[31m" in text
+
+
+def test_a_card_says_how_its_times_were_taken() -> None:
+    row = some_row(
+        rounds=20,
+        processes=4,
+        ended_by="interval",
+        warm_up_frames=3,
+        build_repeats=5,
+        shade_repeats=1,
+        outlier_rounds=[6],
+        stages={"draw": 0.75},
+        unexplained_ms=0.25,
+    )
+    facts = dict(fact[:2] for fact in section(card(row), "Measured").lines)
+    assert facts["rounds"] == "20, in 4 processes"
+    assert facts["ended by"] == "the intervals: all are tight"
+    assert facts["one sample"] == "5 builds, 1 shade; after 3 frames to warm up"
+    assert facts["outliers"] == "round 7"
+    assert section(card(row), "Stages").lines[-1] == ("not in any stage", "0.250 ms", "10.0 %")
+
+
+def test_a_card_sets_its_times_beside_the_first_cases() -> None:
+    times = [1.0 + 0.01 * number for number in range(12)]
+    samples = {"build": times, "shade": times, "camera": times}
+    first = some_row("ray-traced", comparison="c", samples=samples)
+    first.baseline_case = first.case_key
+    twice = {name: [2.0 * value for value in values] for name, values in samples.items()}
+    row = some_row(comparison="c", samples=twice, baseline_case=first.case_key)
+    verdicts = Verdicts([first, row], [first, row], RATIOS)
+    found = card_of(some_run(), row, "pcf", "a", PicturePool(lambda name: b""), verdicts)
+    against = section(found, "Against the first case").lines
+    assert ("shade", "[2.00, 2.00, 2.00]", "slower") in against
+    assert len(against) == 5
+    other = card_of(some_run(), first, "ray-traced", "b", PicturePool(lambda name: b""), verdicts)
+    assert all(each.title != "Against the first case" for each in other.sections)

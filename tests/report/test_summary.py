@@ -46,6 +46,17 @@ def test_overlapping_intervals_are_named_together() -> None:
     assert names(verdict.fastest) == ["a", "b"]
 
 
+def test_rounds_in_common_tell_apart_what_intervals_do_not() -> None:
+    drift = [1.0 + number for number in range(12)]  # a machine that slows down widens both intervals alike
+
+    def in_rounds(method: str, factor: float) -> ResultRow:
+        samples = {"build": [0.0] * 12, "shade": [factor * value for value in drift], "camera": [0.0] * 12}
+        return timed(method, 3.0, 6.5 * factor, 10.0, comparison="c", samples=samples)
+
+    assert names(verdict_of(in_rounds("b", 1.1), in_rounds("a", 1.0), timed("c", 4, 7, 9)).fastest) == ["a", "c"]
+    assert names(verdict_of(in_rounds("a", 1.0), in_rounds("b", 1.0)).fastest) == ["a", "b"]
+
+
 def test_many_equals_are_counted() -> None:
     verdict = verdict_of(*(timed(name, 4, 5, 6) for name in "abcde"))
     assert names(verdict.fastest) == ["a", "b", "c"]

@@ -83,14 +83,16 @@ def test_the_budget_ends_the_rounds_and_is_shared_by_the_processes() -> None:
 @pytest.mark.parametrize(
     ("changes", "processes"),
     [
-        ({"round_s": 4.0}, 2),  # three rounds each take 24 of 30 s
+        ({"round_s": 3.0}, 3),  # three rounds each take 27 of 30 s
+        ({"round_s": 4.0}, 1),  # of two, 24 s, but two are too few
         ({"round_s": 6.0}, 1),
         ({"round_s": 100.0}, 1),
         ({"loading_s": 10.0}, 4),
         ({"loading_s": 31.0}, 1),
         ({"loading_budget_s": 1.0}, 1),
-        ({"most_processes": 2}, 2),
-        ({"max_rounds": 6}, 2),
+        ({"most_processes": 3}, 3),
+        ({"most_processes": 2}, 1),
+        ({"max_rounds": 9}, 3),
         ({"max_rounds": 1, "min_rounds": 1}, 1),
     ],
 )

@@ -32,10 +32,14 @@ def test_a_row_says_what_was_measured(measure: Measure, tmp_path: Path) -> None:
     assert shifted.false_lit_count == pytest.approx(0.25 / 0.4 * shadowed, rel=0.1)
     assert shifted.false_shadow_count == lit.false_shadow_count == 0
 
-    assert lit.environment == ended.record.environment | {
-        "libraries": ended.record.environment["libraries"] | {"imagined": "1"}
-    }
-    assert exact.environment == ended.record.environment
+    common = ended.record.environment
+    assert common["plugins"].keys() == {"tiny_scene.py", "misbehaving.py"}
+    assert all(origin["digest"] for origin in common["plugins"].values())
+    assert common["warp"]["device"].startswith("cpu")
+    for row, own in ((exact, {}), (lit, {"imagined": "1"})):
+        assert row.environment["libraries"] == common["libraries"] | own
+        assert all(row.environment[name] == common[name] for name in common if name != "libraries")
+        assert len(row.environment["load_before"]) == len(row.environment["load_after"]) == 3
 
     for row in ended.rows:
         assert row.rounds == 8 == len(row.samples["build"]) == len(row.samples["shade"]) == len(row.samples["camera"])

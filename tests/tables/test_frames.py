@@ -31,6 +31,7 @@ def folder(tmp_path: Path, make_row: Any, make_run: Any) -> Path:
                 counters={"texels": 2**60 + 1},
                 kept={"map": 4},
                 samples={"build": [1.0, 2.0], "shade": [3.0]},
+                round_processes=[0, 1],
                 artifacts={"mask": "file.png"},
             )
         )
@@ -91,6 +92,7 @@ def test_long_tables_have_one_line_a_value(folder: Path) -> None:
         ["pcf", "build", 1, 2.0, "ms"],
         ["pcf", "shade", 0, 3.0, "ms"],
     ]
+    assert samples["process"].tolist() == [0, 1, 0]
     counters = load_results(folder, table="counters")
     assert list(counters.columns) == ["run_id", "experiment", "case_key", "scene", "method", "name", "value", "unit"]
     assert counters["value"].tolist() == [2**60 + 1]

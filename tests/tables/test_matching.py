@@ -23,7 +23,7 @@ def test_keys_machines_code_and_order_do_not_matter(make_row: MakeRow) -> None:
 @pytest.mark.parametrize(
     "change",
     [
-        *({name: "another"} for name in ("scene", "light", "camera", "method", "device")),
+        *({name: "another"} for name in ("scene", "light", "camera", "moving", "method", "device")),
         *({name: 7} for name in ("width", "height", "pixel_samples", "layers", "threads")),
         {"scene_parameters": {"triangles": 2}},
         {"method_parameters": {"resolution": 2}},

@@ -129,7 +129,7 @@ def test_more_cases_in_a_table_ask_for_plainer_differences(make_row: MakeRow) ->
 def test_cases_of_one_process_are_said_to_be_such(make_row: MakeRow) -> None:
     first = _timed(make_row, "ray-traced", 1.0, case_key="first", round_processes=[0] * 12)
     other = _timed(make_row, "pcf", 2.0, round_processes=[0] * 12)
-    assert any(note.startswith("1 of 1 ratios are from one process") for note in _one([first, other]).notes)
+    assert any(note.startswith("1 of 1 ratios are from one process a case") for note in _one([first, other]).notes)
 
 
 def test_several_first_cases_are_not_named_as_one(make_row: MakeRow, rows: list[ResultRow]) -> None:
