@@ -9,7 +9,7 @@ from pathlib import Path
 import postgresql_server
 import pytest
 
-from shadowbench.store import Store
+from shadowbench.store import DATABASE_NAME, Store
 
 _numbers = itertools.count()
 
@@ -34,6 +34,14 @@ def postgresql() -> Iterator[Callable[[], str]]:
 
         yield make
         engine.dispose()
+
+
+@pytest.fixture(scope="session")
+def made_database(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return an empty results database, to be copied where many tests need one: making it takes a while."""
+    folder = tmp_path_factory.mktemp("made")
+    Store.open(folder).close()
+    return folder / DATABASE_NAME
 
 
 @pytest.fixture(params=["sqlite", "postgresql"])

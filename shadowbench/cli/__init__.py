@@ -14,6 +14,8 @@
     claims.py       claims
     pareto.py       pareto
     writing.py      what --output does
+    serve.py        serve, export-site
+    push.py         push
     transfer.py     export, import, backup, restore
     token.py        token create, list, revoke
     compare.py      compare

@@ -15,8 +15,10 @@ from shadowbench.cli.exit_status import ExitStatus
 from shadowbench.cli.export import export_scene, score
 from shadowbench.cli.listing import list_names, show
 from shadowbench.cli.pareto import pareto
+from shadowbench.cli.push import push
 from shadowbench.cli.results import report, table
 from shadowbench.cli.run import run
+from shadowbench.cli.serve import export_site, serve
 from shadowbench.cli.token import app as token_app
 from shadowbench.cli.transfer import backup, export_, import_, restore
 from shadowbench.cli.view import view
@@ -70,10 +72,13 @@ app.command("export-scene")(export_scene)
 app.command()(score)
 app.command()(check)
 app.command()(doctor)
+app.command()(serve)
+app.command()(push)
+app.add_typer(token_app, name="token")
+app.command("export-site")(export_site)
 app.command("export")(export_)
 app.command("import")(import_)
 app.command()(backup)
 app.command()(restore)
-app.add_typer(token_app, name="token")
 app.command()(worker)
 app.command()(scheduler)

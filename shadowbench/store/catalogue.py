@@ -15,7 +15,7 @@ from typing import Any
 from sqlalchemy import Row, Select, String, cast, func, literal, or_, select
 from sqlalchemy.orm import Session
 
-from shadowbench.rows import Outcome, ResultRow, RunStatus
+from shadowbench.rows import Outcome, RunStatus
 from shadowbench.store.access_models import StoredUpload
 from shadowbench.store.derived import TECHNIQUE_FIELDS, VIEW_FIELDS
 from shadowbench.store.engine import is_sqlite, store_errors
@@ -108,7 +108,9 @@ class Catalogue:
     def runs(self, wanted: RunFilter, *, limit: int, after: str = "") -> list[RunLine]:
         """Return runs, newest first, from the one behind ``after`` (a run's id) on."""
         columns = [_RUNS[name] for name in _BRIEF] + [_RUNS.code_version]
-        query = select(*columns, StoredUpload.token_id).outerjoin(StoredUpload, StoredUpload.run_id == _RUNS.run_id)
+        query: Select[Any] = select(*columns, StoredUpload.token_id).outerjoin(
+            StoredUpload, StoredUpload.run_id == _RUNS.run_id
+        )
         query = _filtered(query, wanted).order_by(_RUNS.created_at.desc(), _RUNS.id.desc()).limit(limit)
         with self._store.session("list the runs") as session:
             if after:
@@ -242,11 +244,6 @@ class Catalogue:
         with self._store.session("list the views") as session:
             keys = set(_values_along_index(session, _ROWS.view_key, own))
         return [view for view in self.views(experiment) if view.view_key in keys]
-
-    def row(self, run_id: str, case_key: str, experiment: str = "") -> ResultRow | None:
-        """Return one case of a run with all that belongs to it, ``None`` if there is none."""
-        found = self._store.rows(run_id, experiment or None, case_key)
-        return found[0] if found else None
 
 
 def _filtered(query: Select[Any], wanted: RunFilter) -> Select[Any]:

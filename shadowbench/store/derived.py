@@ -1,7 +1,7 @@
 """Columns that a row has in the database only: short hashes of what is compared with what.
 
 Two rows of one *view* share a picture: scene, light, camera and size. Two rows of one *technique* share the method, its
-parameters, the device and the threads. A leaderboard groups by both; with them as columns, an index does it.
+parameters, what moves, the device and the threads. A leaderboard groups by both, which an index then does.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 VIEW_FIELDS = ("scene", "scene_parameters", "light", "camera", "width", "height", "pixel_samples", "layers", "moving")
 """What rows must share for their measures to be compared."""
 
-TECHNIQUE_FIELDS = ("method", "method_parameters", "device", "threads")
+TECHNIQUE_FIELDS = ("method", "method_parameters", "moving", "device", "threads")
 """What makes a line of a leaderboard."""
 
 

@@ -173,6 +173,10 @@ class Store:
         """Return all runs, newest first."""
         return self._runs()
 
+    def run(self, run_id: str) -> RunRecord | None:
+        """Return the run with this id, or ``None``."""
+        return next(iter(self._runs(_RUNS.run_id == run_id)), None)
+
     def find_run(self, selector: str) -> RunRecord:
         """Return the run that a user names by its id, a unique beginning of it, or ``latest``.
 

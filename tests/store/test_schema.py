@@ -19,6 +19,7 @@ from stored_rows import some_row, some_run
 from shadowbench.errors import StoreError
 from shadowbench.rows import LONG_FIELDS
 from shadowbench.store import DATABASE_NAME, Store, schema
+from shadowbench.store.engine import writing
 
 CURRENT = schema.REVISIONS[-1]
 
@@ -192,3 +193,29 @@ def test_rows_of_the_first_revision_have_one_sample_a_pixel_and_no_later_measure
     assert found == row
     assert (found.pixel_samples, found.layers, found.moving) == (1, 1, "everything")
     assert found.interior_rmse is found.approximation_rmse is None
+
+
+def test_rows_from_before_leaderboards_get_the_keys_that_they_are_grouped_by(
+    store: Store, make_run: Any, make_row: Any
+) -> None:
+    """What the migration fills in is what a row that is added today gets."""
+    from shadowbench.store.migrations.versions import r0008_service
+
+    store.start_run(make_run())
+    row = make_row(
+        scene_parameters={"b": 1, "a": [0.1, "é"]}, method_parameters={"bias": 1e-05, "on": True, "none": None}
+    )
+    store.add_row(row)
+    keys = "SELECT view_key, technique_key FROM rows"
+    with store.engine.connect() as connection:
+        expected = connection.exec_driver_sql(keys).all()
+    from alembic.operations import Operations
+    from alembic.runtime.migration import MigrationContext
+
+    with writing(store.engine).begin() as connection:
+        connection.exec_driver_sql("UPDATE rows SET view_key = '', technique_key = ''")
+        with Operations.context(MigrationContext.configure(connection)):
+            r0008_service._fill_in()
+    with store.engine.connect() as connection:
+        assert connection.exec_driver_sql(keys).all() == expected
+    assert all(len(key) == 16 for key in expected[0])

@@ -19,7 +19,7 @@ depends_on: str | None = None
 
 _IDENTIFIER = sa.BigInteger().with_variant(sa.Integer(), "sqlite")
 _VIEW = ("scene", "scene_parameters", "light", "camera", "width", "height", "pixel_samples", "layers", "moving")
-_TECHNIQUE = ("method", "method_parameters", "device", "threads")
+_TECHNIQUE = ("method", "method_parameters", "moving", "device", "threads")
 _AT_ONCE = 500
 
 

@@ -1,0 +1,210 @@
+"""How many requests a second a results service answers, and how long the slowest hundredth waits.
+
+Fills a store with 200 runs of 500 cases (100,000 rows), starts ``shadowbench serve`` on it, and asks for the list of
+runs, a case and a leaderboard from four clients at a time over kept connections; then again while eight clients upload
+runs. Every leaderboard is also asked for once after an upload, when nothing made earlier can be used. In the end each
+upload is there once and whole. Client and server share this machine's cores.
+
+Usage: python tests/benchmarks/service_load.py [--runs 200] [--seconds 10] [--workers 1] [--database URL]
+"""
+
+from __future__ import annotations
+
+import argparse
+import datetime as dt
+import http.client
+import itertools
+import json
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+from sqlalchemy import insert, literal, select
+
+sys.path.insert(0, str(Path(__file__).parent.parent))
+
+from service.live import serving
+from stored_rows import some_row, some_run
+
+from shadowbench.rows import ResultRow, RunRecord
+from shadowbench.store import Store
+from shadowbench.store.catalogue import Catalogue
+from shadowbench.store.documents import row_document, run_document
+from shadowbench.store.models import LONG_MODELS, StoredRow, StoredRun
+from shadowbench.store.tokens import Scope, TokenBook
+from shadowbench.store.uploads import Uploader, put_run
+
+VIEWS, TECHNIQUES, MACHINES, RUNS_A_VERSION = 10, 50, 8, 40
+READERS, UPLOADERS = 4, 8
+
+
+def a_run(number: int, row_count: int = VIEWS * TECHNIQUES) -> tuple[RunRecord, list[ResultRow]]:
+    """A run of 500 cases: ten views of fifty techniques; or of the first of them."""
+    begun = (dt.datetime(2026, 1, 1, tzinfo=dt.UTC) + dt.timedelta(hours=number)).isoformat()
+    place = {"machine": f"machine {number % MACHINES}", "code_version": f"0.{number // RUNS_A_VERSION}.0"}
+    run = some_run(run_id=f"run-{number:05d}", created_at=begun, case_count=VIEWS * TECHNIQUES, **place)
+    rows = [
+        some_row(
+            f"method-{technique % 10}",
+            run_id=run.run_id,
+            case_key=f"case-{view}-{technique}",
+            scene=f"scene-{view}",
+            method_parameters={"resolution": 512 << (technique // 10)},
+            measured_at=begun,
+            visibility_digest=f"{view}-{technique}",
+            rmse=0.01 * technique,
+            samples={name: [1.0 + 0.01 * i for i in range(6)] for name in ("build", "shade", "camera")},
+            stages={"draw": 1.0, "filter": 0.5},
+            counters={"texels": technique * 1000},
+            **place,
+        )
+        for view, technique in itertools.islice(itertools.product(range(VIEWS), range(TECHNIQUES)), row_count)
+    ]
+    return run, rows
+
+
+def fill(store: Store, run_count: int) -> None:
+    """Keep runs: the first in full, the others as copies of it made inside the database, which is many times faster."""
+    put_run(store, *a_run(0), Uploader("load"))
+    tables = [StoredRun.__table__, StoredRow.__table__, *(model.__table__ for model in LONG_MODELS.values())]
+    cases = VIEWS * TECHNIQUES
+    for number in range(1, run_count):
+        run, rows = a_run(number, row_count=1)
+        with store.session("copy a run", writes=True) as session:
+            for table in tables:
+                changed: dict[str, Any] = {}
+                if table.name == "runs":
+                    changed = {name: getattr(run, name) for name in ("created_at", "machine", "code_version", "run_id")}
+                    changed |= {"id": table.c.id + number}
+                    source = table.c.run_id == "run-00000"
+                elif table.name == "rows":
+                    changed = {name: getattr(rows[0], name) for name in ("measured_at", "machine", "code_version")}
+                    changed |= {"run_id": run.run_id, "id": table.c.id + number * cases}
+                    source = table.c.run_id == "run-00000"
+                else:
+                    changed = {"row_id": table.c.row_id + number * cases}
+                    source = table.c.row_id <= cases
+                values = [_column(changed, column) for column in table.c]
+                session.execute(insert(table).from_select([c.name for c in table.c], select(*values).where(source)))
+
+
+def _column(changed: dict[str, Any], column: Any) -> Any:
+    value = changed.get(column.name, column)
+    return literal(value) if isinstance(value, str) else value
+
+
+def percentile(values: list[float], share: float) -> float:
+    """The value that this share of them does not exceed."""
+    ordered = sorted(values)
+    return ordered[min(len(ordered) - 1, int(share * len(ordered)))]
+
+
+def ask(port: int, path: str, seconds: float, times: list[float]) -> None:
+    """Ask for a page over one connection for some time."""
+    connection = http.client.HTTPConnection("127.0.0.1", port)
+    end = time.perf_counter() + seconds
+    while time.perf_counter() < end:
+        begin = time.perf_counter()
+        connection.request("GET", path)
+        answer = connection.getresponse()
+        answer.read()
+        assert answer.status == 200, answer.status
+        times.append(time.perf_counter() - begin)
+    connection.close()
+
+
+def measured(port: int, name: str, path: str, seconds: float) -> None:
+    """Print requests a second and waits of one page, asked for by several clients."""
+    times: list[float] = []
+    threads = [threading.Thread(target=ask, args=(port, path, seconds, times)) for _ in range(READERS)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    median, slowest = 1e3 * percentile(times, 0.5), 1e3 * percentile(times, 0.99)
+    print(f"{name:34} {len(times) / seconds:8.0f} /s   median {median:7.1f} ms   p99 {slowest:7.1f} ms", flush=True)
+
+
+def upload(port: int, token: str, numbers: list[int], kept: list[str], stop: threading.Event) -> None:
+    """Upload runs one after another until told to stop."""
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=120)
+    for number in numbers:
+        if stop.is_set():
+            break
+        run, rows = a_run(number)
+        body = json.dumps({"run": run_document(run), "rows": [row_document(row) for row in rows]})
+        headers = {"Authorization": f"Bearer {token}"}
+        connection.request("PUT", f"/api/v1/runs/{run.run_id}", body, headers)
+        answer = connection.getresponse()
+        assert answer.status == 201, answer.read()
+        kept.append(json.loads(answer.read())["run_id"])
+    connection.close()
+
+
+def first_answers(port: int, token: str, paths: dict[str, str], first: int) -> None:
+    """Print how long each page takes right after an upload."""
+    found: dict[str, list[float]] = {name: [] for name in paths}
+    for number in range(10):
+        upload(port, token, [first + number], [], threading.Event())
+        for name, path in paths.items():
+            ask(port, path, 0.0001, found[name])
+    for name, times in found.items():
+        print(f"{name + ', first after an upload':34} median {1e3 * percentile(times, 0.5):7.1f} ms", flush=True)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--runs", type=int, default=200)
+    parser.add_argument("--seconds", type=float, default=10.0)
+    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--database")
+    given = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        results = Path(folder) / "results"
+        with Store.open(results, database=given.database) as store:
+            begin = time.perf_counter()
+            fill(store, given.runs)
+            seconds = time.perf_counter() - begin
+            view = Catalogue(store).views("quick")[0].view_key
+            _, token = TokenBook(store).create("load", Scope.UPLOAD, None)
+        print(f"{given.runs} runs, {given.runs * VIEWS * TECHNIQUES} rows, kept in {seconds:.0f} s", flush=True)
+        paths = {
+            "runs": "/runs",
+            "case": "/runs/run-00003/cases/case-0-3",
+            "leaderboard": f"/experiments/quick?view={view}",
+        }
+        options = ["--rate", "0", "--workers", str(given.workers)]
+        options += ["--database", given.database] if given.database else []
+        with serving(results, *options) as live:
+            port = int(live.address.rpartition(":")[2])
+            first_answers(port, token, paths, given.runs)
+            for name, path in paths.items():
+                measured(port, name, path, given.seconds)
+            kept: list[str] = []
+            stop = threading.Event()
+            starts = [given.runs + 100 + 1000 * each for each in range(UPLOADERS)]
+            uploads = [
+                threading.Thread(target=upload, args=(port, token, list(range(s, s + 1000)), kept, stop))
+                for s in starts
+            ]
+            for thread in uploads:
+                thread.start()
+            begin = time.perf_counter()
+            for name, path in paths.items():
+                measured(port, f"{name}, while 8 clients upload", path, given.seconds)
+            stop.set()
+            for thread in uploads:
+                thread.join()
+            print(f"uploads of 500 rows: {len(kept) / (time.perf_counter() - begin):.2f} /s", flush=True)
+        with Store.open(results, database=given.database) as store:
+            runs = [run.run_id for run in store.runs()]
+            assert len(runs) == len(set(runs)) == given.runs + 10 + len(kept), "an upload was lost or doubled"
+            assert all(len(store.finished_case_keys(run_id)) == VIEWS * TECHNIQUES for run_id in kept)
+            print(f"{len(kept)} uploads, each there once and whole")
+
+
+if __name__ == "__main__":
+    main()
