@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 from stored_rows import some_run
 
-from shadowbench.errors import ClusterError
+from shadowbench.errors import ClusterError, PluginError
 from shadowbench.rows import Outcome, ResultRow
 from shadowbench.runner.cases import Case, Obstacle, RunOptions, View
-from shadowbench.runner.cluster.bench_process import Sender, _hold_to_plan
+from shadowbench.runner.cluster.bench_process import Sender, _hold_to_plan, _resolved_here
 from shadowbench.runner.cluster.fingerprint import difference, fingerprint
 from shadowbench.runner.cluster.jobs import Ending, Job, packed, unpacked
 from shadowbench.runner.row_making import ended_row
@@ -86,3 +86,19 @@ def test_a_fingerprint_names_what_differs_and_what_is_missing() -> None:
         f"lacks method 'pcf' and has other versions of numpy (1.0, here {ours['numpy']}), scene 'bunny'"
     )
     assert difference(ours, theirs | {"something more": "1", "scene 'bunny'": ours["scene 'bunny'"]}) is not None
+
+
+def test_a_process_killed_while_cases_are_resolved_is_no_reason_to_refuse_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    answers: list[Any] = [PluginError("plugins cannot be loaded: the worker ended by SIGKILL"), [CASE]]
+
+    def resolve(*arguments: Any) -> list[Case]:
+        answer = answers.pop(0)
+        if isinstance(answer, Exception):
+            raise answer
+        return answer
+
+    monkeypatch.setattr("shadowbench.runner.cluster.bench_process.resolve_again", resolve)
+    assert _resolved_here(None, RunOptions(), [CASE]) == [CASE]  # type: ignore[arg-type]
+    answers += [PluginError("no method is called 'half'")] * 2
+    with pytest.raises(PluginError, match="no method"):
+        _resolved_here(None, RunOptions(), [CASE])  # type: ignore[arg-type]

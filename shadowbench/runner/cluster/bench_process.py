@@ -16,17 +16,17 @@ import threading
 import time
 import traceback
 from collections.abc import Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-from shadowbench.errors import ClusterError, ShadowbenchError
+from shadowbench.errors import ClusterError, PluginError, ShadowbenchError
 from shadowbench.identity import code_version, environment, machine
 from shadowbench.rows import ResultRow
 from shadowbench.runner.bench import Bench
 from shadowbench.runner.cache import Cache
-from shadowbench.runner.cases import Case, Plan
+from shadowbench.runner.cases import Case, Plan, RunOptions
 from shadowbench.runner.cluster.host_lock import lock_folder, only_job_here
 from shadowbench.runner.cluster.jobs import Ending, Job, Message, unpacked
 from shadowbench.runner.comparison import measure_comparison
@@ -73,13 +73,13 @@ class Desk:
         options = replace(job.options, results=self._folder, plugin_files=files, cluster=None)
         pool = self._pool_for(files, limit)
         sender.tell_phase(0, "place the scene")
-        cases = resolve_again(pool, options, job.cases)
+        cases = _resolved_here(pool, options, job.cases)
         _hold_to_plan(job.cases, cases)
         baseline = job.baseline
         if baseline in job.cases:
             baseline = cases[job.cases.index(baseline)]
         elif baseline is not None:
-            (baseline,) = resolve_again(pool, options, [baseline])
+            (baseline,) = _resolved_here(pool, options, [baseline])
             baseline = baseline if baseline.obstacle is None else None
         sender.index_of = {case.case_key: index for index, case in enumerate(cases)}
         record = job.record.model_copy(
@@ -162,6 +162,17 @@ class Sender:
     def note(self, text: str) -> None:
         """Pass a note on."""
         self._answers.send(Message(kind="note", job=self._job, text=text))
+
+
+def _resolved_here(pool: Pool, options: RunOptions, cases: Sequence[Case]) -> list[Case]:
+    """Resolve cases on this machine; the process that is asked may be killed by hand once.
+
+    Raises:
+        ShadowbenchError: As for :func:`shadowbench.runner.planning.resolve_again`.
+    """
+    with suppress(PluginError):
+        return resolve_again(pool, options, cases)
+    return resolve_again(pool, options, cases)
 
 
 def _hold_to_plan(planned: Sequence[Case], here: Sequence[Case]) -> None:
