@@ -10,6 +10,7 @@
     block.py        cases parked side by side, timed in rounds         parent
     members.py      what is timed in a block, and what it gave         parent
     rounds.py       balanced order, fresh processes, stop rule         parent
+    finishing.py    timed cases -> rows: quality measured, or known    parent
     row_making.py   what was found -> result row                       parent
     finished.py     which cases have their row already                 parent
     cluster/        comparisons handed to other machines               parent

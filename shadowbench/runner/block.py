@@ -10,23 +10,19 @@ from __future__ import annotations
 import secrets
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 import psutil
 
-from shadowbench.identity import available_cores, key_of
-from shadowbench.machine_state import Watch, Watched, load_average, warnings_of
+from shadowbench.machine_state import Watch, Watched, load_average
 from shadowbench.rows import Outcome, ResultRow
 from shadowbench.runner.bench import OWN_WORK_TIMEOUT_S, Bench
 from shadowbench.runner.cases import Case, Obstacle
+from shadowbench.runner.finishing import Finish, Given
 from shadowbench.runner.members import CameraMember, Member
 from shadowbench.runner.pool import Worker
 from shadowbench.runner.protocol import CaseFailure
-from shadowbench.runner.reuse import difference, reused
 from shadowbench.runner.rounds import EndedBy, Pace, Step, order_of
-from shadowbench.runner.row_making import measured_row
 
 MOST_PARKED = 16
 """Workers side by side: a large sweep reuses this many instead of starting one for each of its cases."""
@@ -37,7 +33,6 @@ _STARTING_AHEAD = 2
 _LEAST_WORKER_BYTES = 400 << 20
 _SPARE_MEMORY = 0.8
 """Share of the free memory that the next worker may be expected to need."""
-
 
 _START_S = 0.5
 """What a fresh worker takes at least to start [s]."""
@@ -175,97 +170,19 @@ class Block:
         member.add_warm_up(member.worker.ask("warm_up", arguments, self._bench.options.timeout_s))
 
     def finish(self) -> None:
-        """Measure what is left, on all cores since nothing is timed any more, keep the rows and park the workers."""
-        ahead = available_cores()
-        unknown = [member for member in list(self._members) if not member.is_repeat and not self._reuse(member)]
-        new = self._make_reference(unknown)
-        filtered = self._filter_reference(new)
-        new = list(filtered)
-        for index, member in enumerate(new):
-            for upcoming in new[index : index + ahead]:
-                if not upcoming.worker.is_busy:
-                    arguments = {
-                        "pictures": str(self._bench.pictures),
-                        "reference": self._entries["reference"],
-                        "filtered": filtered[upcoming],
-                    }
-                    upcoming.worker.begin("measure", arguments)
-            self._finish_one(member)
+        """Measure what is left, keep the rows and park the workers."""
+        given = Given(
+            name=self._name,
+            members=self._members,
+            camera=self._camera.durations if self._camera is not None else (),
+            seen=self._seen,
+            load_before=self._load_before,
+            load_after=self._load_after,
+            ended_by=self._pace.ended_by if self._pace is not None else EndedBy.BUDGET,
+        )
+        Finish(self._bench, self._entries, self._known, given, self._leave).run()
         for parked in self._everyone():
             self._bench.park(parked.worker)
-
-    def _reuse(self, member: Member) -> bool:
-        """Keep a case's row with the quality of an earlier one, if there is such and the case gives the same bits."""
-        bench, case = self._bench, member.case
-        known = self._known.get(case.quality_key)
-        if known is None:
-            return False
-        try:
-            seen = member.worker.ask("summary", {}, bench.options.timeout_s)
-        except CaseFailure as failure:
-            self._leave(member, failure)
-            return True
-        found, is_wrong = difference(known, seen, machine=bench.run.machine, deterministic=case.deterministic)
-        if is_wrong:
-            bench.observer.note(f"{case.method} on {case.view}: {found}, and should be the same; measured anew")
-            member.warnings.append(f"{found}, and should be the same")
-        if found:
-            return False
-        self._keep_row(member, reused(known, seen, bench.run.run_id), known.artifacts)
-        return True
-
-    def _make_reference(self, members: list[Member]) -> list[Member]:
-        """Have the view's reference made if any case needs it; return those that can be measured with it."""
-        if not members or "reference" in self._entries:
-            return members
-        try:
-            self._entries = prepare_view(self._bench, self._case, with_reference=True)
-        except CaseFailure as failure:
-            for member in members:
-                self._leave(member, failure)
-            return []
-        return members
-
-    def _filter_reference(self, members: Sequence[Member]) -> dict[Member, str | None]:
-        """Have the view's reference filtered, once for each different kernel of some cases.
-
-        Returns:
-            The name of the cache's entry for each case that needs a row; ``None`` for a hard test, or where the
-            reference cannot be made. A case that cannot tell its kernel ends here.
-        """
-        bench, found = self._bench, dict[Member, str | None]()
-        entry_of: dict[str, str | None] = {}
-        for member in members:
-            bench.observer.case_started(member.case, "filter the truth")
-            try:
-                kernel = member.worker.ask("kernel", {}, bench.options.timeout_s)
-            except CaseFailure as failure:
-                self._leave(member, failure)
-                continue
-            found[member] = None
-            if kernel is not None:
-                key = key_of(kernel)
-                if key not in entry_of:
-                    entry_of[key] = self._filtered_entry(member.case, kernel)
-                found[member] = entry_of[key]
-        return found
-
-    def _filtered_entry(self, case: Case, kernel: dict[str, Any]) -> str | None:
-        """Return the name of a filtered reference in the cache, or ``None`` if it cannot be made."""
-        bench, cores = self._bench, available_cores()
-        arguments = {
-            "cache": bench.cache,
-            "entries": self._entries,
-            "light": case.view.light,
-            "kernel": kernel,
-            "threads": cores,
-        }
-        try:
-            entry: str = bench.own_work("prepare_filtered", arguments, cores)
-        except CaseFailure as failure:
-            bench.observer.note(f"{case.view}: the reference cannot be filtered: {failure.reason}")
-            return None
-        return entry
 
     def _everyone(self) -> Sequence[Member | CameraMember]:
         return [*self._members, *([] if self._camera is None else [self._camera])]
@@ -304,45 +221,6 @@ class Block:
             self._camera = None
             self._bench.observer.note(f"{view}: the camera pass cannot be timed: {failure.reason}")
 
-    def _finish_one(self, member: Member) -> None:
-        bench, case = self._bench, member.case
-        bench.observer.case_started(case, "measure")
-        try:
-            measured = member.worker.end(bench.options.timeout_s)
-        except CaseFailure as failure:
-            self._leave(member, failure)
-            return
-        artifacts = {name: bench.keep_picture(Path(file)) for name, file in measured["pictures"].items()}
-        self._keep_row(member, measured, artifacts)
-
-    def _keep_row(self, member: Member, measured: dict[str, Any], artifacts: dict[str, str]) -> None:
-        bench, case = self._bench, member.case
-        measured["peak_rss_bytes"] = max(measured["peak_rss_bytes"], member.peak_rss_bytes)
-        measured["warnings"] += member.warnings
-        baseline = self._members[0]  # the comparison's first case; where it failed, the first that did not
-        bench.keep(
-            measured_row(
-                case,
-                bench.run,
-                comparison=self._name,
-                compile_ms=member.compile_ms,
-                timing=member.timing,
-                camera=self._camera.durations if self._camera is not None else (),
-                surroundings={
-                    "load_before": self._load_before,
-                    "load_after": self._load_after,
-                    **self._seen.record(),
-                },
-                disturbances=warnings_of(self._seen, case.threads),
-                ended_by=self._pace.ended_by if self._pace is not None else EndedBy.BUDGET,
-                repeats=member.repeats,
-                baseline_case=baseline.case.case_key,
-                baseline=baseline.timing if baseline.is_repeat else None,
-                measured=measured,
-                artifacts=artifacts,
-            )
-        )
-
     def _leave(self, member: Member, failure: CaseFailure) -> None:
         self._members.remove(member)
         self._fail(member.case, member.worker, failure, is_repeat=member.is_repeat)
@@ -354,16 +232,3 @@ class Block:
             self._bench.observer.note(f"{case.method} cannot be timed again as the baseline: {failure.reason}")
         else:
             self._bench.end(case, failure)
-
-
-def prepare_view(bench: Bench, case: Case, *, with_reference: bool) -> dict[str, str]:
-    """Have the receivers of a case's view made, and its reference if it is needed; return their names in the cache.
-
-    Raises:
-        CaseFailure: They cannot be made.
-    """
-    bench.observer.case_started(case, "prepare")
-    cores = available_cores()
-    arguments = {"cache": bench.cache, "view": asdict(case.view), "threads": cores, "with_reference": with_reference}
-    entries: dict[str, str] = bench.own_work("prepare", arguments, cores)
-    return entries

@@ -12,8 +12,9 @@ from collections.abc import Sequence
 from shadowbench.identity import available_cores
 from shadowbench.rows import Outcome
 from shadowbench.runner.bench import OWN_WORK_TIMEOUT_S, Bench
-from shadowbench.runner.block import MOST_PARKED, Block, prepare_view
+from shadowbench.runner.block import MOST_PARKED, Block
 from shadowbench.runner.cases import Case, Obstacle
+from shadowbench.runner.finishing import prepare_view
 from shadowbench.runner.protocol import CaseFailure
 
 LEAST_LOADING_BUDGET_S = 12.0
