@@ -33,11 +33,15 @@ class Future:
     ending: Ending | None
     cancelled: bool = False
     status: str = "finished"
+    is_lost: bool = False
 
     def done(self) -> bool:
         return self.ending is not None
 
-    def result(self) -> dict[str, str]:
+    def result(self, *, timeout: float) -> dict[str, str]:
+        assert timeout > 0.0
+        if self.is_lost:
+            raise TimeoutError
         assert self.ending is not None
         return self.ending.to_wire()
 
@@ -96,6 +100,7 @@ class Imagined:
             for said in self.behaviour(name, job):
                 if said is None:
                     self.present.pop(name)
+                    future.is_lost = True
                 elif isinstance(said, Ending):
                     future.ending = said
                 else:
@@ -229,6 +234,22 @@ def test_a_machine_that_dies_costs_a_second_try_of_what_had_no_row(hand: Callabl
     handed = hand(behave, [case(n) for n in range(3)], joining=[["doomed"], [], [], ["next"]])
     assert [[c.method_parameters["n"] for c in job.cases] for _, job in handed.cluster.jobs] == [[0, 1, 2], [1, 2]]
     assert set(handed.outcomes.values()) == {Outcome.OK}
+
+
+def test_a_worker_that_goes_away_before_it_can_say_how_its_job_ended_is_no_reason_to_wait(
+    hand: Callable[..., Handed],
+) -> None:
+    def behave(name: str, job: Job) -> Iterator[Any]:
+        if name != "doomed":
+            yield from good(name, job)
+            return
+        yield row_of(job, 0)
+        yield Ending("done")
+        yield None
+
+    handed = hand(behave, [case(n) for n in range(2)], joining=[["doomed"], [], [], ["next"]])
+    assert set(handed.outcomes.values()) == {Outcome.OK}
+    assert [[c.method_parameters["n"] for c in job.cases] for _, job in handed.cluster.jobs] == [[0, 1], [1]]
 
 
 @pytest.mark.parametrize("ending", [Ending("died", "the measuring process was ended by SIGKILL"), None])

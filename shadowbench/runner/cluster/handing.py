@@ -12,6 +12,7 @@ import secrets
 import time
 from collections import deque
 from collections.abc import Iterator, Sequence
+from concurrent.futures import CancelledError
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -31,6 +32,9 @@ if TYPE_CHECKING:
     from shadowbench.store import Store
 
 CONNECT_TIMEOUT_S = 10.0
+RESULT_TIMEOUT_S = 10.0
+"""For how a job ended, a few bytes, to come from the worker that has them."""
+
 MOST_MESSAGES = 64
 """On their way to the client; workers wait when there are more."""
 
@@ -339,7 +343,10 @@ def _ending_of(future: Any) -> Ending | None:
     from distributed.scheduler import KilledWorker
 
     if future.status == "finished":
-        return Ending.from_wire(future.result())
+        try:
+            return Ending.from_wire(future.result(timeout=RESULT_TIMEOUT_S))
+        except (TimeoutError, CancelledError):
+            return None  # it ended, and its worker went away before it could be asked how
     if future.status == "error":
         error = future.exception()
         return None if isinstance(error, KilledWorker) else Ending("failed", f"{type(error).__name__}: {error}")
