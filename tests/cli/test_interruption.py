@@ -20,7 +20,7 @@ SMALL = ("--size", "48x32", "--threads", "1", "--budget", "2")
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
+@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGHUP])
 def test_a_run_that_is_asked_to_end_is_interrupted(tmp_path: Path, how: signal.Signals) -> None:
     command = [sys.executable, "-m", "shadowbench", "run", *RUN, *SMALL, "--json", "--results", str(tmp_path)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:

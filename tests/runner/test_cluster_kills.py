@@ -8,6 +8,6 @@ from benchmarks.cluster_kills import killed_run
 
 @pytest.mark.slow
 def test_killed_at_random_moments_it_loses_and_doubles_nothing(tmp_path: Path) -> None:
-    counts = killed_run(tmp_path, kills=4, seed=7)
+    counts = killed_run(tmp_path, kills=3, seed=7)
     assert counts.wrong == []
-    assert sum(counts.kills.values()) == 4
+    assert sum(counts.kills.values()) == 3
