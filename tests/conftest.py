@@ -1,8 +1,9 @@
-"""Databases for tests of the store and of what stands on it."""
+"""How many processes run the tests, and databases for tests of the store and of what stands on it."""
 
 from __future__ import annotations
 
 import itertools
+import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -12,6 +13,11 @@ import pytest
 from shadowbench.store import DATABASE_NAME, Store
 
 _numbers = itertools.count()
+
+
+def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
+    """Return two processes a core: the longest tests mostly wait for processes of their own."""
+    return 2 * len(os.sched_getaffinity(0))
 
 
 @pytest.fixture(scope="session")
