@@ -139,8 +139,8 @@ def test_bodies_that_are_too_large_packed_or_plain_are_refused(make_service: Mak
     ("content", "encoding", "status"),
     [
         (b"not gzip", "gzip", 400),
-        (gzip.compress(b"{}")[:-6], "gzip", 400),
-        (gzip.compress(b"{}") + b"more", "gzip", 400),
+        (gzip.compress(b"{}", mtime=0)[:-6], "gzip", 400),
+        (gzip.compress(b"{}", mtime=0) + b"more", "gzip", 400),
         (b"{}", "br", 415),
         (b"", "identity", 422),
         (b"[]", "identity", 422),
