@@ -46,10 +46,10 @@ both. A group has one case for each side, or for each place of a sweep; where it
 them apart and so belongs into ``each``.
 
 *Verdicts.* Counters, bytes, percentages and other measures of quality are exact, and decide by themselves. Times decide
-by 95 % intervals: of the ratio within each round for two cases of one comparison, of all pairs of rounds otherwise; a
-stage's interval is as wide as its case's. A test whose interval lies on both sides is undecided, as is one with a case
-that is missing or not ok. Where a claim makes many comparisons of times, one that fails counts only if their number
-does not explain it (:func:`shadowbench.statistics.differences_among`).
+by 95 % intervals: of the ratio within each round for two times of one comparison, stages too, of all pairs of rounds
+otherwise. A test whose interval lies on both sides is undecided, as is one with a case that is missing or not ok. Where
+a claim makes many comparisons of times, one that fails counts only if their number does not explain it
+(:func:`shadowbench.statistics.differences_among`).
 """
 
 from __future__ import annotations

@@ -181,7 +181,7 @@ class ResultRow(BaseModel):
     counters: dict[str, int] = Field(default_factory=dict, description="counter -> value, equal on every machine")
     kept: dict[str, int] = Field(default_factory=dict, description="array -> bytes kept between frames")
     samples: dict[str, list[float]] = Field(
-        default_factory=dict, description="build, shade, camera -> every duration, by round [ms]"
+        default_factory=dict, description="build, shade, camera, stages.NAME -> every duration, by round [ms]"
     )
     artifacts: dict[str, str] = Field(
         default_factory=dict, description="picture or mask -> file in the results folder's artifacts"

@@ -41,6 +41,11 @@ class Timing:
         """What no stage accounts for of build + shade, by round [ms]."""
         return [frame - sum(stages.values()) for frame, stages in zip(self.frames, self.stages, strict=True)]
 
+    def stage_samples(self) -> dict[str, list[float]]:
+        """Return each stage's durations by round [ms], 0 where a round had none."""
+        names = dict.fromkeys(name for stages in self.stages for name in stages)
+        return {name: [stages.get(name, 0.0) for stages in self.stages] for name in names}
+
     def intervals(self, camera: Sequence[float], *, view_dependent: bool) -> dict[str, Interval]:
         """Return the intervals of all durations, by the row's column without ``_ms``.
 
@@ -117,9 +122,10 @@ def measured_row(
     samples = {"build": timing.build, "shade": timing.shade, "camera": list(camera)}
     if baseline is not None:
         samples |= {"baseline build": baseline.build, "baseline shade": baseline.shade}
+    stages = timing.stage_samples()
+    samples |= {f"stages.{name}": durations for name, durations in stages.items()}
     columns["warnings"] = [*columns["warnings"], *measured["warnings"], *_timing_warnings(timing), *disturbances]
     columns["environment"] |= surroundings
-    stage_names = dict.fromkeys(name for stages in timing.stages for name in stages)
     return ResultRow(
         **columns,
         outcome=Outcome.OK,
@@ -141,7 +147,7 @@ def measured_row(
         compile_ms=compile_ms,
         bytes_kept=sum(measured["kept"].values()),
         peak_rss_bytes=measured["peak_rss_bytes"],
-        stages={name: median(stages.get(name, 0.0) for stages in timing.stages) for name in stage_names},
+        stages={name: median(durations) for name, durations in stages.items()},
         counters=measured["counters"],
         kept=measured["kept"],
         samples={name: durations for name, durations in samples.items() if durations},

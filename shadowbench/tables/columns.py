@@ -28,6 +28,7 @@ from enum import StrEnum
 from typing import Any
 
 from shadowbench.rows import FRAME_RATES, LONG_FIELDS, LONG_UNITS, RATIOS, VERDICTS, ResultRow, column_unit
+from shadowbench.statistics import median_over_processes
 from shadowbench.tables.numbers import shown_unit
 
 Scalar = str | int | float | bool | None
@@ -99,6 +100,9 @@ def interval_of(row: ResultRow, name: str) -> tuple[float, float] | None:
         durations = interval_of(row, FRAME_RATES[name])
         slowest, fastest = (None, None) if durations is None else (_rate(durations[1]), _rate(durations[0]))
         return None if slowest is None or fastest is None else (slowest, fastest)
+    if name in row.samples and name.startswith("stages."):
+        found = median_over_processes(row.samples[name], row.round_processes or None)
+        return None if found.low is None or found.high is None else (found.low, found.high)
     low, high = getattr(row, f"{name}_low", None), getattr(row, f"{name}_high", None)
     return None if low is None or high is None else (low, high)
 

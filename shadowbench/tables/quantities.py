@@ -61,7 +61,8 @@ def is_time(name: str) -> bool:
 def quantity_of(row: ResultRow, name: str) -> Quantity | None:
     """Return a row's number under a column's name, or ``None`` where it has none.
 
-    A stage's interval is as wide, in proportion, as the wider one of its case's build and shade.
+    Where a row keeps no rounds of a stage, its interval is as wide, in proportion, as the wider one of its case's
+    build and shade.
     """
     value = value_of(row, name)
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
@@ -122,7 +123,9 @@ def scaled(ratio: Quantity, factor: float) -> Quantity:
 
 
 def durations_of(row: ResultRow, name: str) -> list[float]:
-    """Return a time, or the time that a frame rate is of, in every round [ms]; empty where rows keep none."""
+    """Return a time, or the time that a frame rate is of, in every round [ms]; empty where the row keeps none."""
+    if name.startswith("stages."):
+        return list(row.samples.get(name, []))
     base = FRAME_RATES.get(name, name)
     if base == "static_frame_ms" and row.static_frame_ms == row.dynamic_frame_ms:
         base = "dynamic_frame_ms"  # a view-dependent method builds for every frame

@@ -43,6 +43,9 @@ def test_a_row_says_what_was_measured(measure: Measure, tmp_path: Path) -> None:
 
     for row in ended.rows:
         assert row.rounds == 8 == len(row.samples["build"]) == len(row.samples["shade"]) == len(row.samples["camera"])
+        for stage, duration in row.stages.items():
+            assert duration == np.median(row.samples[f"stages.{stage}"])
+            assert len(row.samples[f"stages.{stage}"]) == row.rounds
         static = np.add(row.samples["camera"], row.samples["shade"])
         assert row.static_frame_ms == pytest.approx(np.median(static))
         assert row.dynamic_frame_ms == pytest.approx(np.median(static + row.samples["build"]))

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from shadowbench import statistics
 from shadowbench.statistics import ratio_by_round, ratio_of_runs
 from shadowbench.tables.quantities import exact, p_value, quantity_of, ratio_of, scaled
 
@@ -39,7 +40,23 @@ def test_counters_bytes_and_percentages_are_exact_and_times_have_intervals(make_
     assert (unknown.low, unknown.high) == (0.0, math.inf)
 
 
-def test_a_stages_interval_is_as_wide_as_its_cases(make_row: Any) -> None:
+def test_a_stage_has_the_interval_of_its_own_rounds(make_row: Any) -> None:
+    loose = [10.0, 30.0, 12.0, 28.0, 11.0, 29.0, 20.0, 21.0]
+    fields = {"shade_ms": sum(loose), "shade_ms_low": 1.0, "shade_ms_high": 900.0}
+    row = make_row(stages={"sort": 3.0}, samples={"shade": loose, "stages.sort": ROUNDS}, **fields)
+    stage, rounds = quantity_of(row, "stages.sort"), statistics.interval_of(ROUNDS)
+    assert stage is not None
+    assert (stage.low, stage.high) == (rounds.low, rounds.high)
+
+
+def test_two_stages_of_a_case_are_compared_within_each_round(make_row: Any) -> None:
+    row = make_row(comparison="c", stages={"a": 1.0, "b": 1.0}, samples={"stages.a": SLOWER, "stages.b": ROUNDS})
+    expected, found = ratio_by_round(SLOWER, ROUNDS), ratio_of(row, "stages.a", row, "stages.b")
+    assert found is not None
+    assert (found.value, found.low, found.high) == (expected.estimate, expected.low, expected.high)
+
+
+def test_without_its_own_rounds_a_stages_interval_is_as_wide_as_its_cases(make_row: Any) -> None:
     row = make_row(shade_ms=4.0, shade_ms_low=2.0, shade_ms_high=6.0, stages={"sort": 1.0}, build_ms=0.0)
     stage = quantity_of(row, "stages.sort")
     assert stage is not None
