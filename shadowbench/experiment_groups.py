@@ -1,4 +1,4 @@
-"""Groups of experiments: all of a paper's, and all of the papers', under one name.
+"""Groups of experiments: all of a paper's, all of the papers', and simply all, under one name.
 
 A built-in experiment belongs to the paper that its name begins with, so that a new one needs no list.
 """
@@ -21,6 +21,9 @@ PAPERS = {
 
 ALL_PAPERS = "papers"
 
+EVERYTHING = "all"
+"""Every experiment that comes with shadowbench: what the published results are of."""
+
 _NUMBER = re.compile(r"(\d+)")
 
 
@@ -30,12 +33,14 @@ def groups() -> dict[str, tuple[str, ...]]:
     found = {
         paper: tuple(sorted((name for name in names if name.startswith(f"{paper}-")), key=_order)) for paper in PAPERS
     }
-    return found | {ALL_PAPERS: tuple(name for members in found.values() for name in members)}
+    of_papers = tuple(name for members in found.values() for name in members)
+    return found | {ALL_PAPERS: of_papers, EVERYTHING: (*of_papers, *(n for n in names if n not in of_papers))}
 
 
 def title_of(group: str) -> str:
     """Return what a group is, for people."""
-    return PAPERS.get(group, "All experiments of the three papers")
+    others = {EVERYTHING: "Every experiment that comes with shadowbench"}
+    return (PAPERS | others).get(group, "All experiments of the three papers")
 
 
 def expanded(names: Sequence[str]) -> list[str]:

@@ -159,6 +159,7 @@ ROOMS: dict[str, set[str]] = {
         "store",
         "world",
     },
+    "publication": {"errors", "experiment_groups", "inspection", "pictures", "rows", "store", "tables"},
     "service": {"errors", "experiment", "report", "rows", "store", "tables"},
     "cli": {"*"},
 }

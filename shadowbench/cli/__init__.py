@@ -14,6 +14,7 @@
     claims.py       claims
     pareto.py       pareto
     writing.py      what --output does
+    publication.py  publish, verify
     serve.py        serve, export-site
     push.py         push
     transfer.py     export, import, backup, restore

@@ -15,6 +15,7 @@ from shadowbench.cli.exit_status import ExitStatus
 from shadowbench.cli.export import export_scene, score
 from shadowbench.cli.listing import list_names, show
 from shadowbench.cli.pareto import pareto
+from shadowbench.cli.publication import publish, verify
 from shadowbench.cli.push import push
 from shadowbench.cli.results import report, table
 from shadowbench.cli.run import run
@@ -72,6 +73,8 @@ app.command("export-scene")(export_scene)
 app.command()(score)
 app.command()(check)
 app.command()(doctor)
+app.command()(publish)
+app.command()(verify)
 app.command()(serve)
 app.command()(push)
 app.add_typer(token_app, name="token")

@@ -6,6 +6,7 @@ seen may differ where code changed: :attr:`OpenCase.notes` says so.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
@@ -70,6 +71,7 @@ class OpenCase:
         seen: The view.
         method: After ``build()``, ``shade()`` and ``explain()``.
         visibility: What it wrote, 0 outside the light's field.
+        digest: Of the bits that it wrote, as in rows.
         trace: What it reported.
         measured: Its failures.
         context: Where it ran.
@@ -80,6 +82,7 @@ class OpenCase:
     seen: OpenView
     method: Method
     visibility: NDArray[np.float32]
+    digest: str
     trace: Trace
     measured: Measurement
     context: Context
@@ -159,13 +162,16 @@ def view_of_row(registry: Registry, cache: Path, row: ResultRow) -> OpenView:
     )
 
 
-def open_case(row: ResultRow, results: Path, plugin_files: tuple[Path, ...]) -> OpenCase:
+def open_case(
+    row: ResultRow, results: Path, plugin_files: tuple[Path, ...] = (), *, tell_changes: bool = True
+) -> OpenCase:
     """Run a case's method once more, untimed.
 
     Args:
         row: The case's.
         results: The results folder, whose cache is used.
         plugin_files: Files that its method or scene comes from.
+        tell_changes: Find out for the notes whether code or result are still the row's.
 
     Raises:
         UsageError: The case ended otherwise than ok or invalid, so that there is no result to look at.
@@ -188,10 +194,10 @@ def open_case(row: ResultRow, results: Path, plugin_files: tuple[Path, ...]) -> 
             reason = method.supports(seen.world, seen.light)
         if reason is not None:
             raise PluginError(f"method '{row.method}' does not apply here: {reason}")
-        visibility, trace = _frame(method, seen, context)
+        visibility, digest, trace = _frame(method, seen, context)
     measured = measure(seen.world, seen.receivers, seen.reference, visibility, trace.masks)
-    notes = tuple(_changes(row, options, measured.columns))
-    return OpenCase(row, seen, method, visibility, trace, measured, context, notes)
+    notes = tuple(_changes(row, options, measured.columns)) if tell_changes else ()
+    return OpenCase(row, seen, method, visibility, digest, trace, measured, context, notes)
 
 
 @contextmanager
@@ -210,8 +216,8 @@ def plugin_errors(owner: str) -> Iterator[None]:
         raise PluginError(f"{owner} failed: {type(error).__name__}: {reason}") from error
 
 
-def _frame(method: Method, seen: OpenView, context: Context) -> tuple[NDArray[np.float32], Trace]:
-    """Build, shade and explain once."""
+def _frame(method: Method, seen: OpenView, context: Context) -> tuple[NDArray[np.float32], str, Trace]:
+    """Build, shade and explain once; return the visibility, the digest of its bits as written, and the trace."""
     world, receivers = seen.world, seen.receivers
     size = receivers.width, receivers.height
     view = MethodView(seen.camera, *size, camera_frame(seen.camera, *size, world))
@@ -224,8 +230,9 @@ def _frame(method: Method, seen: OpenView, context: Context) -> tuple[NDArray[np
     method.shade(receivers, visibility, trace)
     method.explain(receivers, trace)
     written: NDArray[np.float32] = visibility.numpy().copy()
+    digest = hashlib.blake2b(written[receivers.valid].tobytes(), digest_size=10).hexdigest()
     written[~seen.reference.in_field] = 0.0  # as the harness does
-    return written, trace
+    return written, digest, trace
 
 
 def _changes(row: ResultRow, options: RunOptions, columns: Mapping[str, Any]) -> Iterator[str]:

@@ -16,6 +16,7 @@ import json
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from shadowbench.errors import UsageError
 from shadowbench.rows import ResultRow
 from shadowbench.tables.columns import finite
 from shadowbench.tables.plain_text import plain
@@ -23,6 +24,9 @@ from shadowbench.tables.table import Cell, Table
 
 TIDY_COLUMNS = tuple(name for name in ResultRow.model_fields if name != "samples")
 """The columns of tidy CSV."""
+
+_STRUCTURED = frozenset(name for name in TIDY_COLUMNS if ResultRow.model_fields[name].default_factory is not None)
+"""Columns whose fields are JSON."""
 
 _FORMULA_STARTS = ("=", "+", "-", "@")
 
@@ -32,6 +36,42 @@ def as_tidy_csv(rows: Iterable[ResultRow]) -> str:
     unique = {(row.run_id, row.experiment, row.case_key): row for row in rows}
     lines = [[_field(value) for value in _tidy_values(row)] for row in unique.values()]
     return _written([list(TIDY_COLUMNS), *lines])
+
+
+def rows_of_tidy_csv(text: str, file: str) -> list[ResultRow]:
+    """Return the rows that :func:`as_tidy_csv` wrote; without samples, which it leaves out.
+
+    Args:
+        text: The file's content.
+        file: Its name, for messages.
+
+    Raises:
+        UsageError: The text is no such table; names file and line.
+    """
+    lines = csv.reader(io.StringIO(text))
+    header = next(lines, [])
+    unknown = [name for name in header if name not in TIDY_COLUMNS]
+    if not header or unknown:
+        said = f"has a column '{unknown[0]}' that no row has" if unknown else "is empty"
+        raise UsageError(f"{file} {said}; it is not a table of rows that shadowbench wrote")
+    rows = []
+    for values in lines:
+        try:
+            given = {name: _parsed(name, value) for name, value in zip(header, values, strict=True)}
+            rows.append(ResultRow.model_validate({name: value for name, value in given.items() if value is not None}))
+        except ValueError as error:  # of pydantic and json too
+            reason = next(iter(str(error).splitlines()), "")
+            raise UsageError(f"{file}, line {lines.line_num}: this is no row: {reason}") from None
+    return rows
+
+
+def _parsed(name: str, text: str) -> Any:
+    """Return a field's value; ``None`` for an empty one, whose column has its default."""
+    if not text:
+        return None
+    if name in _STRUCTURED:
+        return json.loads(text)
+    return text[1:] if text.startswith("'") and text[1:].lstrip().startswith(_FORMULA_STARTS) else text
 
 
 def _tidy_values(row: ResultRow) -> list[Any]:

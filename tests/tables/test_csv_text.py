@@ -6,12 +6,16 @@ import csv
 import io
 import json
 import math
+import re
 from typing import Any
 
+import pytest
+
 from shadowbench import tables
+from shadowbench.errors import UsageError
 from shadowbench.experiment import TableLayout
 from shadowbench.rows import ResultRow
-from shadowbench.tables.csv_text import TIDY_COLUMNS, as_tidy_csv
+from shadowbench.tables.csv_text import TIDY_COLUMNS, as_tidy_csv, rows_of_tidy_csv
 
 
 def _read(text: str) -> list[dict[str, str]]:
@@ -96,3 +100,25 @@ def test_no_field_is_a_formula_and_a_line_is_a_line(hostile_rows: list[ResultRow
 def test_negative_numbers_stay_numbers(make_row: Any) -> None:
     (line,) = _read(as_tidy_csv([make_row(build_ms=-1.5, method="-1.5")]))
     assert (line["build_ms"], line["method"]) == ("-1.5", "'-1.5")
+
+
+def test_tidy_csv_reads_back_as_the_rows_that_were_written(make_row: Any) -> None:
+    rows = [
+        make_row(build_ms=1 / 3, rmse=0.0, method_parameters={"kernel": 3, "name": "=1"}, warnings=['say "x"', "b"]),
+        make_row(case_key="other", method="=cmd|x", reason="'quoted", counters={"a, b": 7}, environment={"a": [1]}),
+    ]
+    assert rows_of_tidy_csv(as_tidy_csv(rows), "rows.csv") == [r.model_copy(update={"samples": {}}) for r in rows]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "rows.csv is empty"),
+        ("speed\n1\n", "has a column 'speed' that no row has"),
+        ("run_id,rounds\nr,many\n", "rows.csv, line 2: this is no row"),
+        ("run_id,method\nr\n", "rows.csv, line 2: this is no row"),
+    ],
+)
+def test_what_is_no_table_of_rows_is_refused_by_line(text: str, message: str) -> None:
+    with pytest.raises(UsageError, match=re.escape(message)):
+        rows_of_tidy_csv(text, "rows.csv")
