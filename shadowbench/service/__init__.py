@@ -5,7 +5,7 @@
     settings.py     what an operator decides
     app.py          the application: middleware, routes, errors
     serving.py      the process: workers, signals, logs
-    access.py       tokens, scopes, and how often one may ask
+    access.py       tokens and scopes; buckets.py: how often one may ask
     bodies.py       request bodies, read within limits; strictly validated uploads
     pictures.py     PNG files decoded within limits and encoded again
     headers.py      security headers and content policies
