@@ -22,14 +22,21 @@ pytestmark = pytest.mark.filterwarnings("ignore")  # schemathesis's own
 
 
 @pytest.fixture(scope="module")
-def described(tmp_path_factory: pytest.TempPathFactory):
+def described(tmp_path_factory: pytest.TempPathFactory, lasting_database: str | None):
     from stored_rows import some_row, some_run
 
     results = tmp_path_factory.mktemp("described")
-    with Store.open(results) as store:
+    with Store.open(results, database=lasting_database) as store:
         put_run(store, some_run(run_id="a"), [some_row(run_id="a", case_key="c")], Uploader("t"))
         _, token = TokenBook(store).create("x", Scope.ADMIN, None)
-    app = create_app(Settings(results=Path(results), hosts=("*",), requests_a_second=0.0, wrong_tokens=1_000_000))
+    chosen = Settings(
+        results=Path(results),
+        database=lasting_database,
+        hosts=("*",),
+        requests_a_second=0.0,
+        wrong_tokens=1_000_000,
+    )
+    app = create_app(chosen)
     schema = schemathesis.openapi.from_asgi("/api/openapi.json", app)
     schema.token = token
     return schema
