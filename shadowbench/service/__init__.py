@@ -14,6 +14,7 @@
     standings.py    leaderboards; histories.py: a method over time
     responding.py   an answer as page, JSON or CSV, with its ETag, kept while the store does not change
     pages.py        routes for readers; uploads.py: routes for uploading; documentation.py: the API's own page
+    schemas.py      what travels, as the API describes it
     rendering.py    templates, style and script
     site.py         all pages as files, for a web server that runs nothing
     telemetry.py    counters for Prometheus, structured logs

@@ -11,7 +11,7 @@ from fastapi.responses import JSONResponse
 from starlette.middleware.gzip import GZipMiddleware
 
 import shadowbench
-from shadowbench.service import documentation, pages, problems, rendering, telemetry, uploads
+from shadowbench.service import documentation, pages, problems, rendering, schemas, telemetry, uploads
 from shadowbench.service.access import Access, Doorkeeper, RateMiddleware
 from shadowbench.service.buckets import Buckets
 from shadowbench.service.headers import GuardMiddleware
@@ -67,7 +67,12 @@ def create_app(settings: Settings) -> FastAPI:
     def uploader(request: Request) -> Access:
         return doorkeeper.admit(request, Scope.UPLOAD)
 
-    @app.get("/healthz", tags=["operate"], summary="alive?")
+    @app.get(
+        "/healthz",
+        tags=["operate"],
+        summary="alive?",
+        responses={200: {"description": "It is.", "content": schemas.content(schemas.Health)}},
+    )
     def healthz() -> Response:
         """Whether the service runs and reaches its database."""
         catalogue.version()
@@ -82,6 +87,7 @@ def create_app(settings: Settings) -> FastAPI:
     documentation.install(app)
     uploads.install(app, store, settings, seen, uploader)
     pages.install(app, store, catalogue, settings, reader)
+    schemas.install(app)
     # from the inside out: what is added last sees a request first
     app.add_middleware(GZipMiddleware, minimum_size=1000, compresslevel=5)
     app.add_middleware(RateMiddleware, buckets=asking)
