@@ -48,7 +48,7 @@ class EndedRun(RunRecord):
     """A run that may be uploaded: it has ended, and its id can stand in an address."""
 
     run_id: str = Field(pattern=f"^{RUN_ID}$", description="unique for ever; the same as in the address")
-    finished_at: str = Field(description="end, ISO 8601, UTC")  # type: ignore[assignment]
+    finished_at: str = Field(description="end, ISO 8601, UTC")
 
 
 class RunUpload(_Said):
@@ -185,7 +185,15 @@ ANSWERS: dict[str, type[BaseModel]] = {
 }
 """What routes for readers answer as JSON; the others' documents have no fixed shape."""
 
-_MODELS = (RunUpload, ArtifactNames, MissingArtifacts, KeptPicture, KeptRun, Health, *ANSWERS.values())
+_MODELS: tuple[type[BaseModel], ...] = (
+    RunUpload,
+    ArtifactNames,
+    MissingArtifacts,
+    KeptPicture,
+    KeptRun,
+    Health,
+    *ANSWERS.values(),
+)
 
 
 def content(model: type[BaseModel] | None) -> dict[str, Any]:

@@ -8,6 +8,7 @@ import struct
 import subprocess
 import sys
 import threading
+from contextlib import ExitStack, closing
 from pathlib import Path
 
 import pytest
@@ -117,18 +118,24 @@ def connections_to_each_process(live: Live) -> list[http.client.HTTPConnection]:
     found: dict[int, http.client.HTTPConnection] = {}
     for number in range(200):
         connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60)
-        others = [threading.Thread(target=_ask, args=(http.client.HTTPConnection("127.0.0.1", port), "/healthz"))]
-        others[0].start()
+        other = threading.Thread(target=_ask_once, args=(port, "/healthz"))
+        other.start()
         _ask(connection, f"/api/docs/{number}")
-        others[0].join()
+        other.join()
         said: list[dict[str, object]] = []
         while not said:
             lines = live.log.read_text().splitlines(keepends=True)
             said = [json.loads(line) for line in lines if f'"/api/docs/{number}"' in line and line.endswith("\n")]
-        found.setdefault(int(str(said[0]["process"])), connection)
+        if found.setdefault(int(str(said[0]["process"])), connection) is not connection:
+            connection.close()
         if len(found) == 2:
             break
     return list(found.values())
+
+
+def _ask_once(port: int, path: str) -> None:
+    with closing(http.client.HTTPConnection("127.0.0.1", port, timeout=60)) as connection:
+        _ask(connection, path)
 
 
 def _ask(connection: http.client.HTTPConnection, path: str, **headers: str) -> int:
@@ -140,8 +147,8 @@ def _ask(connection: http.client.HTTPConnection, path: str, **headers: str) -> i
 
 @pytest.mark.slow
 def test_two_workers_count_an_addresss_requests_and_guesses_together(tmp_path: Path) -> None:
-    with serving(tmp_path / "results", "--workers", "2", "--private", "--rate", "0.001") as live:
-        both = connections_to_each_process(live)
+    with serving(tmp_path / "results", "--workers", "2", "--private", "--rate", "0.001") as live, ExitStack() as stack:
+        both = [stack.enter_context(closing(each)) for each in connections_to_each_process(live)]
         assert len(both) == 2
         guess = {"Authorization": f"Bearer sb_{'0' * 12}_{'A' * 43}"}
         guesses = [_ask(both[number % 2], "/runs.json", **guess) for number in range(14)]

@@ -22,7 +22,7 @@ from shadowbench.store.documents import row_document, run_document
 from shadowbench.store.tokens import Scope, TokenBook
 from shadowbench.store.uploads import digest_of
 
-KILLS = int(os.environ.get("SHADOWBENCH_KILLS", "6"))
+KILLS = int(os.environ.get("SHADOWBENCH_KILLS", "4"))
 
 
 @pytest.fixture
@@ -78,6 +78,7 @@ def test_it_ends_when_asked_and_its_log_is_json(tmp_path: Path, token: str, data
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("database", ["postgresql"], indirect=True)
 def test_several_workers_share_the_store_and_their_counters(tmp_path: Path, token: str, database: str | None) -> None:
     import urllib.request
 
