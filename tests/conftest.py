@@ -12,6 +12,8 @@ import pytest
 
 from shadowbench.store import DATABASE_NAME, Store
 
+DATABASES = ("sqlite", "postgresql")
+
 _numbers = itertools.count()
 
 
@@ -50,7 +52,13 @@ def made_database(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / DATABASE_NAME
 
 
-@pytest.fixture(params=["sqlite", "postgresql"])
+@pytest.fixture(params=DATABASES)
 def database(request: pytest.FixtureRequest) -> str | None:
     """Return the address of an empty database for a store; ``None`` lets it have its own file."""
+    return None if request.param == "sqlite" else request.getfixturevalue("postgresql")()
+
+
+@pytest.fixture(scope="module", params=DATABASES)
+def lasting_database(request: pytest.FixtureRequest) -> str | None:
+    """Return the same for all tests of a module."""
     return None if request.param == "sqlite" else request.getfixturevalue("postgresql")()

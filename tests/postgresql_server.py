@@ -16,19 +16,18 @@ from pathlib import Path
 
 import pytest
 
-_SETTINGS = {
-    "listen_addresses": "''",
-    "fsync": "off",
-    "full_page_writes": "off",
-    "synchronous_commit": "off",
-    "shared_buffers": "64MB",
-    "max_connections": "200",
-}
+_SETTINGS = {"listen_addresses": "''", "shared_buffers": "64MB", "max_connections": "200"}
+_FORGETFUL = {"fsync": "off", "full_page_writes": "off", "synchronous_commit": "off"}
+"""What a power cut could cost does not matter to tests."""
 
 
 @contextmanager
-def running() -> Iterator[str]:
-    """Start a server and yield the address of its databases, up to the name: ``postgresql://…?…`` with ``{}``."""
+def running(*, durable: bool = False) -> Iterator[str]:
+    """Start a server and yield the address of its databases, up to the name: ``postgresql://…?…`` with ``{}``.
+
+    Args:
+        durable: Let each commit reach the disk, as a group's server does.
+    """
     programs = sorted(Path("/usr/lib/postgresql").glob("*/bin"), key=lambda path: int(path.parent.name))
     if not programs:
         reason = "PostgreSQL's server is not installed (Debian: apt-get install postgresql)"
@@ -47,7 +46,8 @@ def running() -> Iterator[str]:
 
     cluster = str(folder / "cluster")
     call(f"{bin_folder}/initdb", "-D", cluster, "-U", "shadowbench", "-A", "trust", "-E", "UTF8", "--locale=C.UTF-8")
-    settings = " ".join(f"-c {name}={value}" for name, value in _SETTINGS.items())
+    chosen = _SETTINGS if durable else _SETTINGS | _FORGETFUL
+    settings = " ".join(f"-c {name}={value}" for name, value in chosen.items())
     options = f"-k {folder} {settings}"
     call(f"{bin_folder}/pg_ctl", "-D", cluster, "-w", "-l", str(folder / "log"), "-o", options, "start")
     try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -10,6 +11,13 @@ import typer
 from shadowbench.cli import completion
 from shadowbench.cli.console import plain, put
 from shadowbench.cli.options import DEFAULT_RESULTS, DatabaseOption, ResultsOption, open_store
+
+
+class RowsForm(StrEnum):
+    """How rows are written."""
+
+    CSV = "csv"
+    PARQUET = "parquet"
 
 
 def export_(
@@ -25,6 +33,14 @@ def export_(
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="FILE", help="The file to write.", show_default=False)
     ],
+    rows: Annotated[
+        RowsForm,
+        typer.Option(
+            "--rows",
+            help="How rows are written: csv (and JSON, for `import`), or parquet (typed columns, samples too; needs"
+            " pyarrow: the extra 'parquet').",
+        ),
+    ] = RowsForm.CSV,
     results: ResultsOption = DEFAULT_RESULTS,
     database: DatabaseOption = None,
 ) -> None:
@@ -34,7 +50,7 @@ def export_(
 
     with open_store(results, database) as store:
         found = {record.run_id: record for record in map(store.find_run, run)}
-        export_runs(store, list(found.values()), output, as_tidy_csv)
+        export_runs(store, list(found.values()), output, as_tidy_csv if rows is RowsForm.CSV else None)
     print(output)
 
 
@@ -46,7 +62,7 @@ def import_(
     results: ResultsOption = DEFAULT_RESULTS,
     database: DatabaseOption = None,
 ) -> None:
-    """Put the runs of a file into the results folder; runs that are there already stay."""
+    """Put the runs of a file, with rows of either form, into the results folder; runs that are there already stay."""
     from shadowbench.store import Store
     from shadowbench.store.transfer import import_runs
 

@@ -5,7 +5,7 @@
     settings.py     what an operator decides
     app.py          the application: middleware, routes, errors
     serving.py      the process: workers, signals, logs
-    access.py       tokens, scopes, and how often one may ask
+    access.py       tokens and scopes; buckets.py: how often one may ask
     bodies.py       request bodies, read within limits; strictly validated uploads
     pictures.py     PNG files decoded within limits and encoded again
     headers.py      security headers and content policies
@@ -14,6 +14,7 @@
     standings.py    leaderboards; histories.py: a method over time
     responding.py   an answer as page, JSON or CSV, with its ETag, kept while the store does not change
     pages.py        routes for readers; uploads.py: routes for uploading; documentation.py: the API's own page
+    schemas.py      what travels, as the API describes it
     rendering.py    templates, style and script
     site.py         all pages as files, for a web server that runs nothing
     telemetry.py    counters for Prometheus, structured logs

@@ -9,52 +9,24 @@ from __future__ import annotations
 
 import base64
 import binascii
-import threading
-import time
-from collections import OrderedDict
-from collections.abc import Callable
 from dataclasses import dataclass
 
 from fastapi import Request
 from starlette.types import ASGIApp, Receive, Send
 from starlette.types import Scope as AsgiScope
 
+from shadowbench.service.buckets import Buckets
 from shadowbench.service.problems import Problem
 from shadowbench.store.tokens import Scope, Token, TokenBook
 from shadowbench.store.uploads import Uploader
-
-_MOST_ADDRESSES = 10_000
-
-
-class Buckets:
-    """A token bucket for each address: so many at once, then so many a second."""
-
-    def __init__(self, rate: float, burst: float, clock: Callable[[], float] = time.monotonic) -> None:
-        self._rate, self._burst, self._clock = rate, burst, clock
-        self._levels: OrderedDict[str, tuple[float, float]] = OrderedDict()
-        self._lock = threading.Lock()
-
-    def wait(self, address: str, take: float = 1.0) -> float:
-        """Take from an address's bucket and return 0, or take nothing and return how long to wait [s]."""
-        now = self._clock()
-        with self._lock:
-            level, then = self._levels.pop(address, (self._burst, now))
-            level = min(self._burst, level + (now - then) * self._rate)
-            wanting = 1.0 - level
-            if wanting <= 0.0:
-                level -= take
-            self._levels[address] = (level, now)
-            if len(self._levels) > _MOST_ADDRESSES:
-                self._levels.popitem(last=False)
-        return max(0.0, wanting / self._rate) if wanting > 0.0 else 0.0
 
 
 class RateMiddleware:
     """Refuses with 429 whoever asks too often."""
 
-    def __init__(self, app: ASGIApp, rate: float, burst: int) -> None:
+    def __init__(self, app: ASGIApp, buckets: Buckets | None) -> None:
         self.app = app
-        self.buckets = Buckets(rate, burst) if rate > 0.0 else None
+        self.buckets = buckets
 
     async def __call__(self, scope: AsgiScope, receive: Receive, send: Send) -> None:
         """Answer a request."""
@@ -92,10 +64,10 @@ class Access:
 class Doorkeeper:
     """Checks the tokens of requests."""
 
-    def __init__(self, book: TokenBook, *, open_reading: bool, wrong_tokens: int) -> None:
+    def __init__(self, book: TokenBook, *, open_reading: bool, wrong_tokens: Buckets) -> None:
         self._book = book
         self._open_reading = open_reading
-        self._wrong = Buckets(1.0 / 6.0, wrong_tokens)
+        self._wrong = wrong_tokens
 
     def admit(self, request: Request, scope: Scope) -> Access:
         """Return who asks.

@@ -11,10 +11,11 @@ from fastapi.responses import JSONResponse
 from starlette.middleware.gzip import GZipMiddleware
 
 import shadowbench
-from shadowbench.service import documentation, pages, problems, rendering, telemetry, uploads
+from shadowbench.service import documentation, pages, problems, rendering, schemas, telemetry, uploads
 from shadowbench.service.access import Access, Doorkeeper, RateMiddleware
+from shadowbench.service.buckets import Buckets
 from shadowbench.service.headers import GuardMiddleware
-from shadowbench.service.settings import ENVIRONMENT, Settings
+from shadowbench.service.settings import ENVIRONMENT, WRONG_TOKENS_A_SECOND, Settings
 from shadowbench.store import Store
 from shadowbench.store.catalogue import Catalogue
 from shadowbench.store.tokens import Scope, TokenBook
@@ -34,6 +35,12 @@ def create_app(settings: Settings) -> FastAPI:
     store = Store.open(settings.results, database=settings.database)
     catalogue = Catalogue(store)
 
+    def buckets(rate: float, burst: int, name: str) -> Buckets:
+        return Buckets(rate, burst, None if settings.shared is None else settings.shared / name)
+
+    asking = buckets(settings.requests_a_second, settings.burst, "asking") if settings.requests_a_second else None
+    guessing = buckets(WRONG_TOKENS_A_SECOND, settings.wrong_tokens, "guessing")
+
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
         yield
@@ -52,7 +59,7 @@ def create_app(settings: Settings) -> FastAPI:
     )
     seen = telemetry.Telemetry()
     rendering.use_title(settings.title)
-    doorkeeper = Doorkeeper(TokenBook(store), open_reading=settings.open_reading, wrong_tokens=settings.wrong_tokens)
+    doorkeeper = Doorkeeper(TokenBook(store), open_reading=settings.open_reading, wrong_tokens=guessing)
 
     def reader(request: Request) -> Access:
         return doorkeeper.admit(request, Scope.READ)
@@ -60,7 +67,12 @@ def create_app(settings: Settings) -> FastAPI:
     def uploader(request: Request) -> Access:
         return doorkeeper.admit(request, Scope.UPLOAD)
 
-    @app.get("/healthz", tags=["operate"], summary="alive?")
+    @app.get(
+        "/healthz",
+        tags=["operate"],
+        summary="alive?",
+        responses={200: {"description": "It is.", "content": schemas.content(schemas.Health)}},
+    )
     def healthz() -> Response:
         """Whether the service runs and reaches its database."""
         catalogue.version()
@@ -75,9 +87,10 @@ def create_app(settings: Settings) -> FastAPI:
     documentation.install(app)
     uploads.install(app, store, settings, seen, uploader)
     pages.install(app, store, catalogue, settings, reader)
+    schemas.install(app)
     # from the inside out: what is added last sees a request first
     app.add_middleware(GZipMiddleware, minimum_size=1000, compresslevel=5)
-    app.add_middleware(RateMiddleware, rate=settings.requests_a_second, burst=settings.burst)
+    app.add_middleware(RateMiddleware, buckets=asking)
     app.add_middleware(GuardMiddleware, hosts=settings.hosts)
     app.add_middleware(telemetry.TelemetryMiddleware, telemetry=seen)
     return app

@@ -14,7 +14,7 @@ from fastapi.responses import RedirectResponse
 
 from shadowbench import report
 from shadowbench.errors import StoreError
-from shadowbench.service import answers, histories, standings
+from shadowbench.service import answers, histories, schemas, standings
 from shadowbench.service.access import Access
 from shadowbench.service.pictures import PictureError, encoded_again
 from shadowbench.service.problems import Problem
@@ -56,7 +56,7 @@ def install(
                 description=f"{_meaning(getattr(routes, name))} ({text}).",
                 summary=f"{name.replace('_', ' ')} ({form})",
                 tags=["read"],
-                responses=_READ_RESPONSES[form],
+                responses=_READ_RESPONSES[form] | ({200: _as_json(name)} if form == "json" else {}),
                 response_class=Response,
             )
     pages.add_api_route("/runs/{run_id}/report", routes.report, include_in_schema=False)
@@ -126,13 +126,16 @@ _PROBLEMS: dict[int | str, dict[str, Any]] = {
 }
 
 _PICTURE: dict[str, Any] = {"content": {"image/png": {}}, "description": "The picture, encoded by this service."}
-_AS_JSON: dict[str, Any] = {"description": "As JSON.", "content": {"application/json": {"schema": {"type": "object"}}}}
 _AS_CSV: dict[str, Any] = {"description": "As CSV.", "content": {"text/csv": {"schema": {"type": "string"}}}}
 
 _READ_RESPONSES: dict[str, dict[int | str, dict[str, Any]]] = {
-    "json": {200: _AS_JSON, **_PROBLEMS},
+    "json": _PROBLEMS,
     "csv": {200: _AS_CSV, **_PROBLEMS},
 }
+
+
+def _as_json(name: str) -> dict[str, Any]:
+    return {"description": "As JSON.", "content": schemas.content(schemas.ANSWERS.get(name))}
 
 
 def _named(function: functools.partial[Any], name: str) -> Callable[..., Any]:

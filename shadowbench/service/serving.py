@@ -52,8 +52,10 @@ def serve(settings: Settings, host: str, port: int, workers: int, *, is_proxied:
         telemetry.log_to_stderr()
         uvicorn.run(create_app(settings), **options)  # type: ignore[arg-type]
         return
-    with tempfile.TemporaryDirectory(prefix="shadowbench-metrics-") as folder:
-        os.environ[telemetry.MULTIPROCESS] = str(Path(folder))
-        os.environ[ENVIRONMENT] = settings.as_text()
+    with tempfile.TemporaryDirectory(prefix="shadowbench-serve-") as folder:
+        counters = Path(folder) / "counters"
+        counters.mkdir()
+        os.environ[telemetry.MULTIPROCESS] = str(counters)
+        os.environ[ENVIRONMENT] = settings.model_copy(update={"shared": Path(folder)}).as_text()
         telemetry.log_to_stderr()
         uvicorn.run("shadowbench.service.app:from_environment", factory=True, workers=workers, **options)  # type: ignore[arg-type]

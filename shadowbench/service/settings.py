@@ -15,6 +15,9 @@ ENVIRONMENT = "SHADOWBENCH_SERVICE_SETTINGS"
 
 MEBIBYTE = 2**20
 
+WRONG_TOKENS_A_SECOND = 1.0 / 6.0
+"""How many wrong tokens an address may try, on average."""
+
 
 class Settings(BaseModel):
     """How a service behaves. Sizes are in bytes, rates in requests a second."""
@@ -34,8 +37,10 @@ class Settings(BaseModel):
     """Of one address, on average; 0 for no limit."""
     burst: int = Field(400, gt=0)
     wrong_tokens: int = Field(10, gt=0)
-    """How many wrong tokens an address may try at once; then one every six seconds."""
+    """How many wrong tokens an address may try at once; then :data:`WRONG_TOKENS_A_SECOND`."""
     cached_answers: int = Field(256, ge=0)
+    shared: Path | None = None
+    """A folder for what the worker processes of one service share; ``None`` for a process by itself."""
 
     def as_text(self) -> str:
         """Return the settings for :data:`ENVIRONMENT`."""

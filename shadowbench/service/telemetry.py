@@ -87,6 +87,7 @@ class TelemetryMiddleware:
             "path": scope["path"][:200],
             "status": status,
             "ms": round(seconds * 1e3, 1),
+            "process": os.getpid(),
             "address": client[0] if client else "",
             "token": scope.get("state", {}).get("token_id", ""),
         }

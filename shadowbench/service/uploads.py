@@ -13,10 +13,11 @@ from typing import Annotated, Any
 from anyio import CapacityLimiter, to_thread
 from fastapi import APIRouter, Depends, FastAPI, Request, Response
 from fastapi.responses import JSONResponse
+from pydantic import BaseModel
 from starlette.concurrency import run_in_threadpool
 
 from shadowbench.errors import StoreError
-from shadowbench.service import bodies
+from shadowbench.service import bodies, schemas
 from shadowbench.service.access import Access
 from shadowbench.service.pages import problem
 from shadowbench.service.pictures import PictureError, check_png
@@ -27,7 +28,6 @@ from shadowbench.store import Store
 from shadowbench.store.documents import DocumentError, parsed, rows_from_documents, run_from_document
 from shadowbench.store.uploads import Kept, add_to_audit, digest_of, missing_artifacts, put_run
 
-MOST_NAMES = 100_000
 _SUFFIX = ".png"
 
 _PROBLEMS: dict[int | str, dict[str, Any]] = {
@@ -43,21 +43,15 @@ _PROBLEMS: dict[int | str, dict[str, Any]] = {
 }
 
 
-def _body(media_type: str, schema: dict[str, Any]) -> dict[str, Any]:
-    return {"requestBody": {"required": True, "content": {media_type: {"schema": schema}}}}
+def _body(content: dict[str, Any]) -> dict[str, Any]:
+    return {"requestBody": {"required": True, "content": content}}
 
 
-_NAMES = {
-    "type": "object",
-    "required": ["names"],
-    "properties": {"names": {"type": "array", "items": {"type": "string"}, "maxItems": MOST_NAMES}},
-}
-_RUN = {
-    "type": "object",
-    "required": ["run", "rows"],
-    "additionalProperties": False,
-    "properties": {"run": {"type": "object"}, "rows": {"type": "array", "items": {"type": "object"}}},
-}
+def _answer(description: str, model: type[BaseModel]) -> dict[str, Any]:
+    return {"description": description, "content": schemas.content(model)}
+
+
+_PNG = {"image/png": {"schema": {"type": "string", "format": "binary"}}}
 
 
 def install(
@@ -71,8 +65,8 @@ def install(
 
     @routes.post(
         "/artifacts/missing",
-        openapi_extra=_body("application/json", _NAMES),
-        responses=_PROBLEMS,
+        openapi_extra=_body(schemas.content(schemas.ArtifactNames)),
+        responses=_PROBLEMS | {200: _answer("What to send.", schemas.MissingArtifacts)},
         summary="what to send",
         dependencies=[Depends(uploader)],
     )
@@ -80,8 +74,12 @@ def install(
         """Of these names of pictures, which the service does not have yet."""
         document = parsed(await bodies.read(request, settings.largest_body), "body")
         names = document.get("names") if isinstance(document, dict) else None
-        if not isinstance(names, list) or not all(isinstance(name, str) for name in names) or len(names) > MOST_NAMES:
-            raise DocumentError("body.names", f"is not a list of up to {MOST_NAMES} names")
+        if (
+            not isinstance(names, list)
+            or not all(isinstance(name, str) for name in names)
+            or len(names) > schemas.MOST_NAMES
+        ):
+            raise DocumentError("body.names", f"is not a list of up to {schemas.MOST_NAMES} names")
         try:
             return JSONResponse({"missing": await run_in_threadpool(missing_artifacts, store, names)})
         except StoreError as error:
@@ -90,8 +88,12 @@ def install(
     @routes.put(
         "/artifacts/{name}",
         status_code=201,
-        openapi_extra=_body("image/png", {"type": "string", "format": "binary"}),
-        responses=_PROBLEMS | {200: {"description": "It was there already."}},
+        openapi_extra=_body(_PNG),
+        responses=_PROBLEMS
+        | {
+            200: _answer("It was there already.", schemas.KeptPicture),
+            201: _answer("It is kept.", schemas.KeptPicture),
+        },
         summary="send a picture",
     )
     async def picture(request: Request, name: str, access: allowed) -> Response:
@@ -103,10 +105,13 @@ def install(
     @routes.put(
         "/runs/{run_id}",
         status_code=201,
-        openapi_extra=_body("application/json", _RUN),
+        openapi_extra=_body(schemas.content(schemas.RunUpload)),
         responses=_PROBLEMS
         | {
-            200: {"description": "It was there already, or took the place of an earlier upload with the same token."},
+            200: _answer(
+                "It was there already, or took the place of an earlier upload with the same token.", schemas.KeptRun
+            ),
+            201: _answer("It is kept.", schemas.KeptRun),
             409: problem("Pictures are `missing`, or another run has this id."),
         },
         summary="send a run",

@@ -22,6 +22,7 @@ A group's store may have its runs in a PostgreSQL database instead; the models a
     documents.py   runs and rows as JSON documents, strictly read
     uploads.py     whole runs into the store, and the audit trail
     tokens.py      who may upload
+    parquet.py     rows as Parquet, which needs an extra
     transfer.py    runs as one file; backup.py: everything as one file
 
 Reads and writes :mod:`shadowbench.rows` and imports nothing else of the program. The folder must not lie on a network

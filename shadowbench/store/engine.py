@@ -36,6 +36,11 @@ _ELSEWHERE = "give another folder with --results"
 
 _FILE_FULL = "database or disk is full"
 
+_FILE_ERROR = "disk I/O error"
+
+_ROOM = 2**16
+"""Less room than that on a disk is none [bytes]: files of SQLite's log grow by half of it."""
+
 _REMEDIES = {
     _FILE_FULL: "the disk is full; make room and run again: every finished case is kept",
     "attempt to write a readonly database": f"it may only be read; {_ELSEWHERE}",
@@ -43,7 +48,7 @@ _REMEDIES = {
     "file is not a database": f"it is not a results database; move it away or {_ELSEWHERE}",
     "database is locked": f"another program has kept it locked for {_LOCK_TIMEOUT_S:.0f} s",
     "database disk image is malformed": f"it is damaged; restore a copy or {_ELSEWHERE}",
-    "disk I/O error": "the disk reports an error, or is full",
+    _FILE_ERROR: "the disk reports an error, or is full",
 }
 
 _DISK_FULL = "53100"
@@ -189,5 +194,17 @@ def _database_error(place: Path | str, action: str, cause: BaseException) -> Sto
     first_line = next(iter(str(cause).splitlines()), type(cause).__name__)
     state = getattr(cause, "sqlstate", None)
     remedy = _SERVER_REMEDIES.get(state) if state else _REMEDIES.get(first_line)
-    is_full = state == _DISK_FULL or first_line == _FILE_FULL
+    is_full = state == _DISK_FULL or first_line == _FILE_FULL or (first_line == _FILE_ERROR and _has_no_room(place))
+    remedy = _REMEDIES[_FILE_FULL] if is_full and not state else remedy
     return (StorageFullError if is_full else StoreError)(f"{place}: cannot {action}: {remedy or first_line}")
+
+
+def _has_no_room(place: Path | str) -> bool:
+    """Return whether a database's disk is full: where its log's index cannot grow, SQLite only tells of an error."""
+    if not isinstance(place, Path):
+        return False
+    try:
+        disk = os.statvfs(place.parent)
+    except OSError:
+        return False
+    return disk.f_bavail * disk.f_frsize < _ROOM

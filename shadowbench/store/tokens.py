@@ -12,12 +12,13 @@ import hashlib
 import hmac
 import re
 import secrets
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
 
 from sqlalchemy import insert, select, update
 
-from shadowbench.errors import StoreError, did_you_mean
+from shadowbench.errors import StorageFullError, StoreError, did_you_mean
 from shadowbench.store.access_models import StoredToken
 from shadowbench.store.results import Store
 from shadowbench.store.uploads import Uploader, add_to_audit, now
@@ -136,8 +137,9 @@ class TokenBook:
         moment = dt.datetime.now(dt.UTC)
         if token.last_used_at and dt.datetime.fromisoformat(token.last_used_at) > moment - _USED_AGAIN_AFTER:
             return
-        with self._store.session("note the token's use", writes=True) as session:
-            values = {"last_used_at": moment.isoformat(timespec="seconds")}
+        values = {"last_used_at": moment.isoformat(timespec="seconds")}
+        # a full disk must not keep anybody from reading
+        with suppress(StorageFullError), self._store.session("note the token's use", writes=True) as session:
             session.execute(update(StoredToken).where(_TABLE.token_id == token.token_id).values(values))
 
 

@@ -6,6 +6,7 @@ A zip archive, which other programs can read as well::
     runs/<run id>/run.json      the run
     runs/<run id>/rows.jsonl    its rows, one document a line; this is what is imported
     runs/<run id>/rows.csv      the same rows for spreadsheets, without samples
+    runs/<run id>/rows.parquet  in place of both: rows in typed columns, samples too, and imported from these
     artifacts/<sha256>.<suffix> pictures and masks
 
 Importing trusts nothing: names of members are compared with what they must be and never become paths, sizes are
@@ -28,6 +29,7 @@ from typing import Any
 
 from shadowbench.errors import StoreError
 from shadowbench.rows import ResultRow, RunRecord
+from shadowbench.store import parquet
 from shadowbench.store.artifacts import ARTIFACT_NAME
 from shadowbench.store.documents import (
     RUN_ID,
@@ -53,7 +55,7 @@ LARGEST_DOCUMENT = 512 * 2**20
 _LARGEST_RATIO = 200
 _ALWAYS_ALLOWED = 64 * 2**20
 _MEMBER = re.compile(
-    rf"manifest\.json|runs/{RUN_ID}/(run\.json|rows\.jsonl|rows\.csv)|artifacts/{ARTIFACT_NAME.pattern}"
+    rf"manifest\.json|runs/{RUN_ID}/(run\.json|rows\.jsonl|rows\.csv|rows\.parquet)|artifacts/{ARTIFACT_NAME.pattern}"
 )
 
 
@@ -67,7 +69,7 @@ class Imported:
 
 
 def export_runs(
-    store: Store, runs: Sequence[RunRecord], path: Path, as_csv: Callable[[Sequence[ResultRow]], str]
+    store: Store, runs: Sequence[RunRecord], path: Path, as_csv: Callable[[Sequence[ResultRow]], str] | None
 ) -> None:
     """Write runs with all that belongs to them to one file, which appears whole or not at all.
 
@@ -75,11 +77,13 @@ def export_runs(
         store: Holds them.
         runs: The runs.
         path: The file; one that is there is replaced.
-        as_csv: Writes rows for spreadsheets.
+        as_csv: Writes rows for spreadsheets; ``None`` for rows as Parquet.
 
     Raises:
-        StoreError: A picture is missing or damaged, or the file cannot be written.
+        StoreError: A picture is missing or damaged, the file cannot be written, or pyarrow is not installed.
     """
+    if as_csv is None:
+        parquet.check_extra()
     with written_whole(path, "write the runs") as partial, zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED) as file:
         manifest: list[dict[str, Any]] = []
         artifacts: dict[str, None] = {}
@@ -87,8 +91,11 @@ def export_runs(
             rows = store.rows(run.run_id)
             folder = f"runs/{run.run_id}"
             file.writestr(f"{folder}/run.json", _json(run_document(run)))
-            file.writestr(f"{folder}/rows.jsonl", "".join(_json(row_document(row)) for row in rows))
-            file.writestr(f"{folder}/rows.csv", as_csv(rows))
+            if as_csv is None:
+                file.writestr(f"{folder}/rows.parquet", parquet.as_parquet(rows), compress_type=zipfile.ZIP_STORED)
+            else:
+                file.writestr(f"{folder}/rows.jsonl", "".join(_json(row_document(row)) for row in rows))
+                file.writestr(f"{folder}/rows.csv", as_csv(rows))
             artifacts |= dict.fromkeys(artifact_names(rows))
             manifest.append({"run_id": run.run_id, "row_count": len(rows), "digest": digest_of(run, rows)})
         for name in artifacts:
@@ -167,9 +174,9 @@ def _imported(store: Store, archive: _Archive, *, replace: bool) -> Iterator[Imp
             raise DocumentError("manifest.json", "names a run that is none")
         place = f"runs/{run_id}"
         run = run_from_document(parsed(archive.read(f"{place}/run.json"), f"{place}/run.json"), f"{place}/run.json")
-        lines = archive.read(f"{place}/rows.jsonl").splitlines()
-        documents = [parsed(line, f"{place}/rows.jsonl:{number}") for number, line in enumerate(lines, 1)]
-        rows = rows_from_documents(documents, run, f"{place}/rows.jsonl")
+        name, lines = _row_lines(archive, place)
+        documents = [parsed(line, f"{name}:{number}") for number, line in enumerate(lines, 1)]
+        rows = rows_from_documents(documents, run, name)
         if run.run_id != run_id or digest_of(run, rows) != entry.get("digest"):
             raise DocumentError(place, "is not the run that the manifest names")
         for name in artifact_names(rows):
@@ -180,6 +187,15 @@ def _imported(store: Store, archive: _Archive, *, replace: bool) -> Iterator[Imp
             store.put_artifact(content, suffix)
         kept = put_run(store, run, rows, Uploader(IMPORTED, "command line", may_replace=replace))
         yield Imported(run, len(rows), kept)
+
+
+def _row_lines(archive: _Archive, place: str) -> tuple[str, list[bytes]]:
+    """Return the name of the member that has a run's rows, and the rows as JSON texts."""
+    name = f"{place}/rows.parquet"
+    if name in archive.members and f"{place}/rows.jsonl" not in archive.members:
+        return name, parquet.lines_from_parquet(archive.read(name), name, LARGEST_DOCUMENT).splitlines()
+    name = f"{place}/rows.jsonl"
+    return name, archive.read(name).splitlines()
 
 
 def _json(document: Any) -> str:

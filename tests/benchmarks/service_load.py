@@ -3,14 +3,16 @@
 Fills a store with 200 runs of 500 cases (100,000 rows), starts ``shadowbench serve`` on it, and asks for the list of
 runs, a case and a leaderboard from four clients at a time over kept connections; then again while eight clients upload
 runs. Every leaderboard is also asked for once after an upload, when nothing made earlier can be used. In the end each
-upload is there once and whole. Client and server share this machine's cores.
+upload is there once and whole. Client and server share this machine's cores; so does PostgreSQL with ``--postgresql``,
+which starts a server of its own as the tests do, but one that keeps what it was told.
 
-Usage: python tests/benchmarks/service_load.py [--runs 200] [--seconds 10] [--workers 1] [--database URL]
+Usage: python tests/benchmarks/service_load.py [--runs 200] [--seconds 10] [--workers 1] [--database URL | --postgresql]
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import datetime as dt
 import http.client
 import itertools
@@ -22,10 +24,11 @@ import time
 from pathlib import Path
 from typing import Any
 
-from sqlalchemy import insert, literal, select
+from sqlalchemy import func, insert, literal, select, text
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
+import postgresql_server
 from service.live import serving
 from stored_rows import some_row, some_run
 
@@ -33,6 +36,7 @@ from shadowbench.rows import ResultRow, RunRecord
 from shadowbench.store import Store
 from shadowbench.store.catalogue import Catalogue
 from shadowbench.store.documents import row_document, run_document
+from shadowbench.store.engine import is_sqlite
 from shadowbench.store.models import LONG_MODELS, StoredRow, StoredRun
 from shadowbench.store.tokens import Scope, TokenBook
 from shadowbench.store.uploads import Uploader, put_run
@@ -89,6 +93,12 @@ def fill(store: Store, run_count: int) -> None:
                     source = table.c.row_id <= cases
                 values = [_column(changed, column) for column in table.c]
                 session.execute(insert(table).from_select([c.name for c in table.c], select(*values).where(source)))
+    if not is_sqlite(store.engine):
+        with store.session("let ids go on after the last one", writes=True) as session:
+            for table in tables[:2]:
+                sequence = func.pg_get_serial_sequence(table.name, "id")
+                session.execute(select(func.setval(sequence, select(func.max(table.c.id)).scalar_subquery())))
+            session.execute(text("ANALYZE"))  # which the server does by itself within a minute
 
 
 def _column(changed: dict[str, Any], column: Any) -> Any:
@@ -160,9 +170,13 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=200)
     parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--database")
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--database", metavar="URL", help="of an empty PostgreSQL database")
+    where.add_argument("--postgresql", action="store_true", help="start a server")
     given = parser.parse_args()
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, contextlib.ExitStack() as stack:
+        if given.postgresql:
+            given.database = stack.enter_context(postgresql_server.running(durable=True)).format("postgres")
         results = Path(folder) / "results"
         with Store.open(results, database=given.database) as store:
             begin = time.perf_counter()
@@ -177,8 +191,7 @@ def main() -> None:
             "leaderboard": f"/experiments/quick?view={view}",
         }
         options = ["--rate", "0", "--workers", str(given.workers)]
-        options += ["--database", given.database] if given.database else []
-        with serving(results, *options) as live:
+        with serving(results, *options, database=given.database) as live:
             port = int(live.address.rpartition(":")[2])
             first_answers(port, token, paths, given.runs)
             for name, path in paths.items():

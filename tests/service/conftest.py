@@ -64,7 +64,7 @@ Maker = Callable[..., Service]
 def make_service(tmp_path: Path, database: str | None, made_database: Path) -> Iterator[Maker]:
     """Return a function that starts a service with some settings."""
     started: list[Service] = []
-    (tmp_path / "results").mkdir()
+    (tmp_path / "results").mkdir(exist_ok=True)
     if database is None:
         shutil.copy(made_database, tmp_path / "results" / made_database.name)
 

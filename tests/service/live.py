@@ -31,11 +31,12 @@ def free_port() -> int:
         return port
 
 
-def start(results: Path, *options: str, port: int | None = None) -> Live:
+def start(results: Path, *options: str, port: int | None = None, database: str | None = None) -> Live:
     """Start a service and wait until it answers."""
     port = port or free_port()
     log = results.parent / f"serve-{port}.log"
     command = [sys.executable, "-m", "shadowbench", "serve", "--results", str(results), "--port", str(port), *options]
+    command += [] if database is None else ["--database", database]
     environment = {name: value for name, value in os.environ.items() if not name.startswith("SHADOWBENCH_")}
     with log.open("a") as stream:
         process = subprocess.Popen(command, stderr=stream, stdout=stream, text=True, env=environment)
@@ -51,9 +52,9 @@ def start(results: Path, *options: str, port: int | None = None) -> Live:
 
 
 @contextmanager
-def serving(results: Path, *options: str) -> Iterator[Live]:
+def serving(results: Path, *options: str, database: str | None = None) -> Iterator[Live]:
     """Run a service for the length of a block, and end it as an operator does."""
-    live = start(results, *options)
+    live = start(results, *options, database=database)
     try:
         yield live
     finally:

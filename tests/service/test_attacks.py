@@ -14,7 +14,6 @@ from PIL import Image
 from service.conftest import Maker, Service
 from stored_rows import png, some_row, some_run
 
-from shadowbench.service.access import Buckets
 from shadowbench.store.tokens import Scope, TokenBook
 
 NASTY = "<script>alert('x')</script>\"'; DROP TABLE rows; -- {{ 7*7 }} ${7*7} =1+1"
@@ -235,17 +234,6 @@ def test_an_address_may_not_ask_too_often(make_service: Maker) -> None:
     found = [service.client.get("/runs.json").status_code for _ in range(4)]
     assert found == [200, 200, 200, 429]
     assert service.client.get("/healthz").status_code == 200
-
-
-def test_a_bucket_fills_again_with_time() -> None:
-    now = [0.0]
-    buckets = Buckets(2.0, 2.0, lambda: now[0])
-    assert [buckets.wait("a") for _ in range(2)] == [0.0, 0.0]
-    assert buckets.wait("a") == pytest.approx(0.5)
-    assert buckets.wait("b") == 0.0
-    now[0] = 0.5
-    assert buckets.wait("a") == 0.0
-    assert buckets.wait("a") > 0.0
 
 
 def test_a_replayed_upload_changes_nothing(service: Service) -> None:

@@ -22,14 +22,21 @@ pytestmark = pytest.mark.filterwarnings("ignore")  # schemathesis's own
 
 
 @pytest.fixture(scope="module")
-def described(tmp_path_factory: pytest.TempPathFactory):
+def described(tmp_path_factory: pytest.TempPathFactory, lasting_database: str | None):
     from stored_rows import some_row, some_run
 
     results = tmp_path_factory.mktemp("described")
-    with Store.open(results) as store:
+    with Store.open(results, database=lasting_database) as store:
         put_run(store, some_run(run_id="a"), [some_row(run_id="a", case_key="c")], Uploader("t"))
         _, token = TokenBook(store).create("x", Scope.ADMIN, None)
-    app = create_app(Settings(results=Path(results), hosts=("*",), requests_a_second=0.0, wrong_tokens=1_000_000))
+    chosen = Settings(
+        results=Path(results),
+        database=lasting_database,
+        hosts=("*",),
+        requests_a_second=0.0,
+        wrong_tokens=1_000_000,
+    )
+    app = create_app(chosen)
     schema = schemathesis.openapi.from_asgi("/api/openapi.json", app)
     schema.token = token
     return schema
@@ -74,3 +81,77 @@ def test_the_description_names_every_operation_and_its_problems(described) -> No
         assert operation.get("description"), (path, method)
         if "read" in operation["tags"] or "upload" in operation["tags"]:
             assert "application/problem+json" in operation["responses"]["401"]["content"], path
+
+
+def faults(document, schema, value) -> list[str]:
+    """What is wrong with a value by a schema of the description."""
+    jsonschema = pytest.importorskip("jsonschema_rs")
+    whole = schema | {"components": document["components"]}
+    return [f"{error.instance_path}: {error.message}" for error in jsonschema.validator_for(whole).iter_errors(value)]
+
+
+def answer_schema(document, path: str, method: str = "get", status: str = "200"):
+    return document["paths"][path][method]["responses"][status]["content"]["application/json"]["schema"]
+
+
+def test_the_body_of_an_upload_is_described_field_by_field(described) -> None:
+    from stored_rows import some_row, some_run
+
+    from shadowbench.rows import ResultRow, RunRecord
+    from shadowbench.store.documents import row_document, run_document
+
+    document = described.raw_schema
+    schema = document["paths"]["/api/v1/runs/{run_id}"]["put"]["requestBody"]["content"]["application/json"]["schema"]
+    parts = document["components"]["schemas"]
+    assert set(parts["Row"]["properties"]) == set(ResultRow.model_fields)
+    assert set(parts["EndedRun"]["properties"]) == set(RunRecord.model_fields)
+    for name, field in ResultRow.model_fields.items():
+        assert parts["Row"]["properties"][name].get("description", "") == (field.description or "")
+    odd = some_row(stages={"a": float("nan")}, samples={"build": [1.0, float("nan")]}, outcome="crash")
+    body = {"run": run_document(some_run()), "rows": [row_document(some_row()), row_document(odd)]}
+    assert faults(document, schema, body) == []
+    for wrong in (
+        {"rows": body["rows"]},
+        body | {"more": 1},
+        body | {"run": body["run"] | {"finished_at": None}},
+        body | {"run": body["run"] | {"run_id": "../x"}},
+        body | {"rows": [body["rows"][0] | {"threads": "many"}]},
+        body | {"rows": [body["rows"][0] | {"surprise": 1}]},
+        body | {"rows": [body["rows"][0] | {"artifacts": {"result": "../x"}}]},
+    ):
+        assert faults(document, schema, wrong)
+
+
+def test_answers_are_what_the_description_says(filled) -> None:
+    import hashlib
+
+    from stored_rows import png, some_row, some_run
+
+    document = filled.client.get("/api/openapi.json").json()
+    asked = {
+        "/api/v1/runs": "/api/v1/runs?limit=2",
+        "/api/v1/runs/{run_id}": "/api/v1/runs/run-1",
+        "/api/v1/runs/{run_id}/claims": "/api/v1/runs/run-1/claims",
+        "/api/v1/runs/{run_id}/cases/{case_key}": "/api/v1/runs/run-1/cases/pcf-1",
+        "/api/v1/experiments": "/api/v1/experiments",
+        "/api/v1/methods": "/api/v1/methods",
+        "/api/v1/machines": "/api/v1/machines",
+        "/healthz": "/healthz",
+    }
+    for path, address in asked.items():
+        schema = answer_schema(document, path)
+        assert "$ref" in schema
+        answer = filled.client.get(address)
+        assert answer.status_code == 200
+        assert faults(document, schema, answer.json()) == [], path
+    name = hashlib.sha256(png(1)).hexdigest() + ".png"
+    missing = filled.client.post("/api/v1/artifacts/missing", json={"names": [name]}, headers=filled.as_())
+    assert missing.json() == {"missing": [name]}
+    found = {
+        ("/api/v1/artifacts/missing", "post"): missing,
+        ("/api/v1/artifacts/{name}", "put"): filled.put_picture(),
+        ("/api/v1/runs/{run_id}", "put"): filled.put(some_run(run_id="more"), [some_row(run_id="more")]),
+    }
+    for (path, method), answer in found.items():
+        schema = answer_schema(document, path, method, str(answer.status_code))
+        assert faults(document, schema, answer.json()) == [], path

@@ -28,11 +28,6 @@ PATHS = (
 """Pages of a filled service; each is there as JSON and CSV too."""
 
 
-@pytest.fixture
-def database() -> None:
-    """Pages are the same on every database; their queries are tested with the store's."""
-
-
 def test_the_service_and_its_command_import_no_warp(tmp_path: Path) -> None:
     program = (
         "import sys, pathlib; from shadowbench.service.app import create_app; from shadowbench.service.settings import"

@@ -22,13 +22,13 @@ RUN = some_run(case_count=3)
 
 
 @pytest.fixture(scope="module")
-def theirs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Live, Path, str]]:
-    """A service, its results folder and a token."""
+def theirs(tmp_path_factory: pytest.TempPathFactory, lasting_database: str | None) -> Iterator[tuple[Live, Store, str]]:
+    """A service, its store and a token."""
     folder = tmp_path_factory.mktemp("theirs") / "results"
-    with Store.open(folder) as store:
+    with Store.open(folder, database=lasting_database) as store:
         _, token = TokenBook(store).create("lab", Scope.UPLOAD, None)
-    with serving(folder) as live:
-        yield live, folder, token
+        with serving(folder, database=lasting_database) as live:
+            yield live, store, token
 
 
 @pytest.fixture
@@ -48,23 +48,21 @@ def quiet(_: float) -> None:
 
 
 def test_a_run_arrives_whole_and_a_second_push_sends_nothing(theirs: Any, ours: Store) -> None:
-    live, folder, token = theirs
+    live, store, token = theirs
     (run,) = ours.runs()
     client = Client(live.address, token)
     trial = client.push(ours, run, dry_run=True)
     assert (trial.row_count, trial.sent_pictures) == (3, 7)
-    with Store.open(folder) as store:
-        assert store.run(run.run_id) is None
+    assert store.run(run.run_id) is None
     pushed = client.push(ours, run)
     assert (pushed.kept, pushed.sent_pictures, pushed.sent_bytes) == ("created", 7, trial.sent_bytes)
     again = client.push(ours, run)
     assert (again.kept, again.sent_pictures) == ("unchanged", 0)
     client.close()
-    with Store.open(folder) as store:
-        assert store.rows(run.run_id) == ours.rows(run.run_id)
-        for row in ours.rows(run.run_id):
-            for name in row.artifacts.values():
-                assert store.artifact(name) == ours.artifact(name)
+    assert store.rows(run.run_id) == ours.rows(run.run_id)
+    for row in ours.rows(run.run_id):
+        for name in row.artifacts.values():
+            assert store.artifact(name) == ours.artifact(name)
 
 
 def test_the_command_pushes_and_never_prints_the_token(

@@ -22,12 +22,12 @@ from shadowbench.store.documents import row_document, run_document
 from shadowbench.store.tokens import Scope, TokenBook
 from shadowbench.store.uploads import digest_of
 
-KILLS = int(os.environ.get("SHADOWBENCH_KILLS", "8"))
+KILLS = int(os.environ.get("SHADOWBENCH_KILLS", "4"))
 
 
 @pytest.fixture
-def token(tmp_path: Path) -> str:
-    with Store.open(tmp_path / "results") as store:
+def token(tmp_path: Path, database: str | None) -> str:
+    with Store.open(tmp_path / "results", database=database) as store:
         return TokenBook(store).create("lab", Scope.UPLOAD, None)[1]
 
 
@@ -65,23 +65,24 @@ def test_a_public_address_needs_a_token(tmp_path: Path, capfd: pytest.CaptureFix
     ]
 
 
-def test_it_ends_when_asked_and_its_log_is_json(tmp_path: Path, token: str) -> None:
-    with serving(tmp_path / "results") as live:
+def test_it_ends_when_asked_and_its_log_is_json(tmp_path: Path, token: str, database: str | None) -> None:
+    with serving(tmp_path / "results", database=database) as live:
         port = int(live.address.rpartition(":")[2])
         assert upload(port, 1, token)[0] == 201
     assert live.process.returncode in (0, -signal.SIGTERM)
     lines = [json.loads(line) for line in live.log.read_text().splitlines()]
     (seen,) = (line for line in lines if line.get("method") == "PUT")
     assert (seen["path"], seen["status"]) == ("/api/v1/runs/run-1", 201)
-    with Store.open(tmp_path / "results") as store:
+    with Store.open(tmp_path / "results", database=database) as store:
         assert len(store.rows("run-1")) == 30
 
 
 @pytest.mark.slow
-def test_several_workers_share_the_store_and_their_counters(tmp_path: Path, token: str) -> None:
+@pytest.mark.parametrize("database", ["postgresql"], indirect=True)
+def test_several_workers_share_the_store_and_their_counters(tmp_path: Path, token: str, database: str | None) -> None:
     import urllib.request
 
-    with serving(tmp_path / "results", "--workers", "2", "--rate", "0") as live:
+    with serving(tmp_path / "results", "--workers", "2", "--rate", "0", database=database) as live:
         port = int(live.address.rpartition(":")[2])
         threads = [threading.Thread(target=upload, args=(port, number, token)) for number in range(6)]
         for thread in threads:
@@ -95,7 +96,9 @@ def test_several_workers_share_the_store_and_their_counters(tmp_path: Path, toke
 
 
 @pytest.mark.slow
-def test_every_acknowledged_upload_is_whole_however_often_the_service_is_killed(tmp_path: Path, token: str) -> None:
+def test_every_acknowledged_upload_is_whole_however_often_the_service_is_killed(
+    tmp_path: Path, token: str, database: str | None
+) -> None:
     """The service is killed with SIGKILL at random moments while four clients upload."""
     generator = random.Random(20)
     results, port = tmp_path / "results", free_port()
@@ -115,7 +118,7 @@ def test_every_acknowledged_upload_is_whole_however_often_the_service_is_killed(
                 return
 
     for _ in range(KILLS):
-        live = start(results, "--rate", "0", port=port)
+        live = start(results, "--rate", "0", port=port, database=database)
         stop = threading.Event()
         workers = [threading.Thread(target=work, args=(stop,)) for _ in range(4)]
         for worker in workers:
@@ -127,7 +130,7 @@ def test_every_acknowledged_upload_is_whole_however_often_the_service_is_killed(
         for worker in workers:
             worker.join()
     assert len(acknowledged) >= KILLS
-    with serving(results), Store.open(results) as store:
+    with serving(results, database=database), Store.open(results, database=database) as store:
         runs = {run.run_id: run for run in store.runs()}
         assert set(acknowledged) <= set(runs)
         for run in runs.values():

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import sqlite3
 from contextlib import closing
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from sqlalchemy.exc import OperationalError
 
-from shadowbench.errors import StoreError
+from shadowbench.errors import StorageFullError, StoreError
 from shadowbench.store import DATABASE_NAME, Store
 from shadowbench.store import engine as engine_module
 from shadowbench.store.engine import store_errors, writing
@@ -90,6 +92,17 @@ def test_a_full_disk_loses_nothing_and_the_store_goes_on_when_there_is_room(
         connection.exec_driver_sql("PRAGMA max_page_count = 1000000")
     store.add_row(make_row("second"))
     assert store.finished_case_keys("run-1") == {"first", "second"}
+
+
+@pytest.mark.parametrize(("free", "is_full"), [(0, True), (100, False)])
+def test_an_error_of_the_disk_is_one_of_room_where_there_is_none(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, free: int, is_full: bool
+) -> None:
+    monkeypatch.setattr(os, "statvfs", lambda _: SimpleNamespace(f_bavail=free, f_frsize=4096))
+    with pytest.raises(StoreError) as caught, store_errors(tmp_path / DATABASE_NAME, "look"):
+        raise sqlite3.OperationalError("disk I/O error")
+    assert isinstance(caught.value, StorageFullError) is is_full
+    assert ("make room" in str(caught.value)) is is_full
 
 
 @pytest.mark.parametrize(

@@ -251,3 +251,102 @@ def test_documents_of_every_value_are_json(exported: Path) -> None:
         first = json.loads(file.read(ROWS).splitlines()[0])
     assert first["stages"] == {"map": None}
     assert first["samples"] == {"build": [1.0, None]}
+
+
+@pytest.fixture
+def as_parquet_file(store: Store, rows: list[ResultRow], tmp_path: Path) -> Path:
+    pytest.importorskip("pyarrow")
+    export_runs(store, [RUN], tmp_path / "parquet.zip", None)
+    return tmp_path / "parquet.zip"
+
+
+def test_rows_as_parquet_come_out_of_another_store_as_they_went_in(
+    store: Store, as_parquet_file: Path, other: Store
+) -> None:
+    with zipfile.ZipFile(as_parquet_file) as file:
+        assert not [name for name in file.namelist() if name.endswith((".jsonl", ".csv"))]
+    (imported,) = import_runs(other, as_parquet_file)
+    assert (imported.kept, imported.row_count) == ("created", 2)
+    assert [same(row) for row in other.rows(RUN.run_id)] == [same(row) for row in store.rows(RUN.run_id)]
+
+
+def test_rows_as_parquet_have_typed_columns(as_parquet_file: Path, rows: list[ResultRow]) -> None:
+    import io
+
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    with zipfile.ZipFile(as_parquet_file) as file:
+        table = parquet.read_table(io.BytesIO(file.read(f"runs/{RUN.run_id}/rows.parquet")))
+    assert table.column_names == list(ResultRow.model_fields)
+    types = {field.name: field.type for field in table.schema}
+    assert (types["threads"], types["failure_percent"]) == (pa.int64(), pa.float64())
+    assert types["samples"] == pa.map_(pa.string(), pa.list_(pa.float64()))
+    assert types["outcome"] == pa.string()
+    assert table["counters"].to_pylist()[0] == [("n", 2**62)]
+    assert table.schema.field("dynamic_frame_ms").metadata[b"unit"] == b"ms"
+    assert json.loads(table["method_parameters"].to_pylist()[0].encode()) == rows[0].method_parameters
+
+
+def _parquet_of(columns: dict[str, Any]) -> bytes:
+    import io
+
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    file = io.BytesIO()
+    parquet.write_table(pa.table(columns), file)
+    return file.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (lambda: b"PAR1 no parquet PAR1", "rows.parquet: "),
+        (lambda: b"", "rows.parquet: "),
+        (lambda: _parquet_of({"a": [1]}), "does not have the columns of rows"),
+    ],
+)
+def test_parquet_that_is_none_of_ours_is_refused_in_one_line(
+    as_parquet_file: Path, other: Store, tmp_path: Path, content: Callable[[], bytes], message: str
+) -> None:
+    with zipfile.ZipFile(as_parquet_file) as old, zipfile.ZipFile(tmp_path / "changed.zip", "w") as new:
+        for name in old.namelist():
+            new.writestr(name, content() if name.endswith(".parquet") else old.read(name))
+    with pytest.raises(StoreError, match=message) as caught:
+        import_runs(other, tmp_path / "changed.zip")
+    assert "\n" not in str(caught.value)
+    assert other.runs() == []
+
+
+def test_parquet_that_stands_for_more_than_is_allowed_is_refused(as_parquet_file: Path) -> None:
+    """A text of a million characters in each of ten thousand rows takes some kilobytes."""
+    import io
+
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    from shadowbench.store.parquet import lines_from_parquet
+
+    with zipfile.ZipFile(as_parquet_file) as file:
+        table = parquet.read_table(io.BytesIO(file.read(f"runs/{RUN.run_id}/rows.parquet"))).slice(0, 1)
+    place = table.column_names.index("reason")
+    table = table.set_column(place, table.schema.field("reason"), [pa.array(["x" * 1_000_000], pa.string())])
+    bomb = io.BytesIO()
+    with parquet.ParquetWriter(bomb, table.schema, compression="zstd") as writer:
+        for _ in range(100):
+            writer.write_table(table)
+    assert len(bomb.getvalue()) < 10_000_000
+    with pytest.raises(StoreError, match="unpacks to more than is allowed"):
+        lines_from_parquet(bomb.getvalue(), "rows.parquet", 20_000_000)
+
+
+def test_without_pyarrow_it_is_said_what_to_install(
+    store: Store, rows: list[ResultRow], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from shadowbench.store import parquet
+
+    monkeypatch.setattr(parquet, "find_spec", lambda _: None)
+    with pytest.raises(StoreError, match=r"pip install 'shadowbench\[parquet\]'"):
+        export_runs(store, [RUN], tmp_path / "out" / "runs.zip", None)
+    assert not (tmp_path / "out").exists()
