@@ -211,7 +211,7 @@ def test_under_a_light_from_a_place_maps_are_named_by_their_caster(light, name):
     method = made(resolution=64)
     built(method, world, receivers, light)
     _, trace = shaded(method, receivers)
-    ((key, request),) = method._pairs.requests.items()
+    ((key, _),) = method._pairs.requests.items()
     expected = depth_sheet([(name, method._drawer.pool.map(key).numpy())])
     np.testing.assert_array_equal(trace.pictures["depth map"], expected)
 
