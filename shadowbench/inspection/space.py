@@ -118,7 +118,7 @@ def _scene(seen: OpenView) -> tuple[NDArray[np.float32], NDArray[np.int32], NDAr
     corners = world.corners_of(kept)
     grown = np.sqrt(counts / np.maximum(allowed, 1))[owner].astype(np.float32)[:, None, None]
     middle = corners.mean(axis=1, keepdims=True)
-    vertices: NDArray[np.float32] = (middle + grown * (corners - middle)).reshape(-1, 3)
+    vertices: NDArray[np.float32] = np.where(grown > 1.0, middle + grown * (corners - middle), corners).reshape(-1, 3)
     triangles = np.arange(len(vertices), dtype=np.int32).reshape(-1, 3)
     return vertices, triangles, colours, len(kept) / world.triangle_count
 

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, CDPSession, Page, sync_playwright
 from stored_rows import png, some_row, some_run, with_masks, with_pictures
 
 from shadowbench import report
@@ -281,12 +281,15 @@ def test_dragging_pans_and_a_click_opens_the_case(page: Page) -> None:
     page.locator("#view-1 .zoom button[data-zoom=all]").click()
 
 
+_screens: dict[Page, CDPSession] = {}
+
+
 def _touch(page: Page, kind: str, *points: tuple[float, float]) -> None:
     """Let fingers do something, all of them at once, as the browser's own touch screen would."""
-    session = page.context.new_cdp_session(page)
+    if page not in _screens:  # a session of its own for every touch would forget the fingers that are down
+        _screens[page] = page.context.new_cdp_session(page)
     touched = [{"x": x, "y": y, "id": number} for number, (x, y) in enumerate(points)]
-    session.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": touched})
-    session.detach()
+    _screens[page].send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": touched})
 
 
 def _pinch(page: Page, middle: tuple[float, float], *apart: float, moved: tuple[float, float] = (0.0, 0.0)) -> None:
@@ -358,30 +361,11 @@ def test_one_finger_scrolls_the_page_over_a_whole_picture_and_a_tap_opens_the_ca
     assert not phone.locator("dialog[open]").count()
     phone.locator("#view-1-case-1 .frame").scroll_into_view_if_needed()
     phone.touchscreen.tap(*_middle(phone, "#view-1-case-1 .frame"))
-    assert phone.locator("#case-title").inner_text() == phone.locator("#view-1-case-1 .open").inner_text()
+    assert phone.locator("#case-title").inner_text() == phone.locator("#view-1-case-1 .open").text_content()
     stage = "#case-stage .frame"
     phone.locator(stage).scroll_into_view_if_needed()
     _pinch(phone, _middle(phone, stage), 40.0, 80.0, 120.0)
     assert _zoom(phone, f"{stage} > img")[0] == pytest.approx(3.0, rel=0.02)
-
-
-def test_a_tables_line_opens_its_case_by_keyboard_and_by_a_click_anywhere(page: Page) -> None:
-    line = page.locator("table.sortable tbody tr").nth(1)
-    link = line.locator("a.case").first
-    anchor = (link.get_attribute("href") or "").removeprefix("#")
-    title = page.locator(f"#{anchor} .open").inner_text()
-    link.focus()
-    page.keyboard.press("Enter")
-    assert page.locator("#case-title").inner_text() == title
-    page.keyboard.press("Escape")
-    assert link.evaluate("element => element === document.activeElement")  # one goes on where one was
-    link.locator("xpath=ancestor::td | ancestor::th").first.click(position={"x": 3, "y": 3})
-    assert page.locator("#case-title").inner_text() == title
-    page.keyboard.press("Escape")
-    line.locator("td").last.click(position={"x": 3, "y": 3})
-    opened = page.locator("#case-title").inner_text()
-    last = line.locator("a.case").last.get_attribute("href") or ""
-    assert opened == page.locator(f"{last} .open").inner_text()
 
 
 def test_a_case_opens_by_keyboard_and_holds_everything(page: Page) -> None:
@@ -393,7 +377,7 @@ def test_a_case_opens_by_keyboard_and_holds_everything(page: Page) -> None:
         assert words in text
     assert page.evaluate("document.activeElement.id") == "case-close"
     page.locator("#case-after").click()
-    assert page.locator("#case-title").inner_text() == page.locator("#view-1-case-2 .open").inner_text()
+    assert page.locator("#case-title").inner_text() == page.locator("#view-1-case-2 .open").text_content()
     page.locator("#case-stage").focus()
     page.keyboard.press("+")
     assert _zoom(page, "#case-stage .frame > img")[0] == 1.5
@@ -487,3 +471,22 @@ def test_without_scripts_figures_and_charts_are_there(browser: Browser, opened: 
     assert plain.locator("svg.chart").count() > 2
     assert plain.locator("#view-1-case-1 .headline").is_visible()
     context.close()
+
+
+def test_a_tables_line_opens_its_case_by_keyboard_and_by_a_click_anywhere(page: Page) -> None:
+    line = page.locator("table.sortable tbody tr").nth(1)
+    link = line.locator("a.case").first
+    anchor = (link.get_attribute("href") or "").removeprefix("#")
+    title = page.locator(f"#{anchor} .open").text_content()
+    link.focus()
+    page.keyboard.press("Enter")
+    assert page.locator("#case-title").inner_text() == title
+    page.keyboard.press("Escape")
+    assert link.evaluate("element => element === document.activeElement")  # one goes on where one was
+    link.locator("xpath=ancestor::td | ancestor::th").first.click(position={"x": 3, "y": 3})
+    assert page.locator("#case-title").inner_text() == title
+    page.keyboard.press("Escape")
+    line.locator("td").last.click(position={"x": 3, "y": 3})
+    opened = page.locator("#case-title").inner_text()
+    last = line.locator("a.case").last.get_attribute("href") or ""
+    assert opened == page.locator(f"{last} .open").text_content()
