@@ -118,7 +118,8 @@ def depth_sheet(maps: Sequence[tuple[str, NDArray[np.float32]]], *, left_out: in
     columns = min(SHEET_COLUMNS, max(2, math.ceil(math.sqrt(len(maps)))))
     side = SIDE // columns
     rows = -(-len(maps) // columns)
-    sheet = Image.new("RGB", (SIDE, rows * (side + CAPTION) + (CAPTION if left_out else 0)), _PAPER)
+    width = SIDE if rows > 1 else len(maps) * side
+    sheet = Image.new("RGB", (width, rows * (side + CAPTION) + (CAPTION if left_out else 0)), _PAPER)
     draw = ImageDraw.Draw(sheet)
     for number, (name, depth) in enumerate(maps):
         left, top = number % columns * side, number // columns * (side + CAPTION)

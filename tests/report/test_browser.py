@@ -486,7 +486,7 @@ def test_a_tables_line_opens_its_case_by_keyboard_and_by_a_click_anywhere(page: 
     link.locator("xpath=ancestor::td | ancestor::th").first.click(position={"x": 3, "y": 3})
     assert page.locator("#case-title").inner_text() == title
     page.keyboard.press("Escape")
-    line.locator("td").last.click(position={"x": 3, "y": 3})
+    line.locator("td:not(:empty)").last.click(position={"x": 3, "y": 3})
     opened = page.locator("#case-title").inner_text()
     last = line.locator("a.case").last.get_attribute("href") or ""
     assert opened == page.locator(f"{last} .open").text_content()
