@@ -484,9 +484,11 @@ def test_a_tables_line_opens_its_case_by_keyboard_and_by_a_click_anywhere(page: 
     page.keyboard.press("Escape")
     assert link.evaluate("element => element === document.activeElement")  # one goes on where one was
     link.locator("xpath=ancestor::td | ancestor::th").first.click(position={"x": 3, "y": 3})
+    page.wait_for_selector("dialog[open]")
     assert page.locator("#case-title").inner_text() == title
     page.keyboard.press("Escape")
-    line.locator("td:not(:empty)").last.click(position={"x": 3, "y": 3})
+    line.locator("td:has(a.case)").last.click(position={"x": 3, "y": 3})
+    page.wait_for_selector("dialog[open]")
     opened = page.locator("#case-title").inner_text()
     last = line.locator("a.case").last.get_attribute("href") or ""
     assert opened == page.locator(f"{last} .open").text_content()

@@ -68,7 +68,9 @@ function openCase(id) {
 // The link to the case that a table's cell belongs to: the line's only one, or the nearest to its left.
 function linkOfLine(target) {
   const cell = target.closest?.("table.sortable tbody :is(td, th)");
-  if (!cell || target.closest("button, input, summary") || !cell.textContent.trim() || !getSelection().isCollapsed) return null;
+  if (!cell || target.closest("button, input, summary") || !cell.textContent.trim()) return null;
+  const selected = getSelection(); // who marks text to copy it opens nothing
+  if (!selected.isCollapsed && selected.containsNode(cell.parentElement, true)) return null;
   const links = cell.parentElement.querySelectorAll("a.case");
   if (links.length < 2) return links[0] ?? null;
   let at = cell;
