@@ -16,6 +16,9 @@ from PIL import Image, ImageDraw
 SIDE = 1024
 """Width and height of the picture of one window [pixels]; six windows are drawn at half that, three side by side."""
 
+SHEET_COLUMNS, CAPTION = 6, 26
+"""Of a sheet of maps: side by side at most, and the height of the line under each [pixels]."""
+
 POINTS_SHOWN = 12_288
 """About as many samples are drawn as points: 1 in 64 of 1024x768, as in Aila & Laine 2004, Figure 4."""
 
@@ -23,6 +26,9 @@ FACE_NAMES = ("+x", "-x", "+y", "-y", "+z", "-z")
 
 _NEAREST_GREY, _GREY_SPAN = 24.0, 200.0
 """Greys of depths: from the nearest on, lighter by so much up to the farthest; empty is white."""
+
+_LETTERS = 18
+"""Height of letters on a sheet [pixels]: read at 640 pixels of the page, too."""
 
 _PAPER, _LIT, _SHADOWED, _CELL, _FRAME = (255, 255, 255), (214, 137, 0), (24, 66, 130), (176, 176, 176), (90, 90, 90)
 
@@ -102,6 +108,39 @@ def _drawn(plane: LightPlane, width: int, step: int, side: int, *, with_cells: b
     return Image.fromarray(pixels)
 
 
+def depth_sheet(maps: Sequence[tuple[str, NDArray[np.float32]]], *, left_out: int = 0) -> NDArray[np.uint8]:
+    """Return depth maps of many windows side by side, each with greys over its own depths and its name under it.
+
+    Args:
+        maps: Names and linear depths, 1 for an empty texel, shape [row, column]; one at least.
+        left_out: How many there are besides, said under the last.
+    """
+    columns = min(SHEET_COLUMNS, max(2, math.ceil(math.sqrt(len(maps)))))
+    side = SIDE // columns
+    rows = -(-len(maps) // columns)
+    width = SIDE if rows > 1 else len(maps) * side
+    sheet = Image.new("RGB", (width, rows * (side + CAPTION) + (CAPTION if left_out else 0)), _PAPER)
+    draw = ImageDraw.Draw(sheet)
+    for number, (name, depth) in enumerate(maps):
+        left, top = number % columns * side, number // columns * (side + CAPTION)
+        sheet.paste(_grey(depth, side, *_limits(depth)), (left, top))
+        draw.rectangle((left, top, left + side - 1, top + side - 1), outline=_FRAME)
+        draw.text((left + 4, top + side + 2), _fitted(draw, name, side - 8), fill=_FRAME, font_size=_LETTERS)
+    if left_out:
+        text = f"and {left_out} more map{'s' if left_out > 1 else ''}"
+        draw.text((4, rows * (side + CAPTION) + 2), text, fill=_FRAME, font_size=_LETTERS)
+    return np.asarray(sheet)
+
+
+def _fitted(draw: ImageDraw.ImageDraw, text: str, width: int) -> str:
+    """Return a text, shortened in its middle where it is wider than there is room."""
+    cut = len(text)
+    while draw.textlength(text, font_size=_LETTERS) > width and cut > 2:
+        cut -= 1
+        text = f"{text[: cut // 2]}\u2026{text[len(text) - cut // 2 :]}"
+    return text
+
+
 def depth_picture(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
     """Return the picture of depth maps: what is near is dark, what is far is light, white where nothing was drawn.
 
@@ -111,16 +150,24 @@ def depth_picture(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
     Args:
         depth: Linear depths in [0, 1], 1 for an empty texel, shape [face, row, column].
     """
-    drawn = depth[depth < 1.0]
-    near, far = (float(drawn.min()), float(drawn.max())) if drawn.size else (0.0, 1.0)
-    span = max(far - near, 1.0e-6)
+    limits = _limits(depth)
     side = SIDE if len(depth) == 1 else SIDE // 2
-    maps = [_nearest_within(each, side) for each in depth]
-    greys = [
-        np.where(m < 1.0, _NEAREST_GREY + 0.5 + (m - near) / span * _GREY_SPAN, 255.0).astype(np.uint8) for m in maps
-    ]
-    pictures = [Image.fromarray(grey).resize((side, side), Image.Resampling.NEAREST) for grey in greys]
+    pictures = [_grey(each, side, *limits) for each in depth]
     return np.asarray(pictures[0].convert("RGB")) if len(pictures) == 1 else _cube_sheet(dict(enumerate(pictures)))
+
+
+def _limits(depth: NDArray[np.float32]) -> tuple[float, float]:
+    """Return the nearest and the farthest depth that was drawn."""
+    drawn = depth[depth < 1.0]
+    return (float(drawn.min()), float(drawn.max())) if drawn.size else (0.0, 1.0)
+
+
+def _grey(depth: NDArray[np.float32], side: int, near: float, far: float) -> Image.Image:
+    """Return the picture of one map."""
+    texels = _nearest_within(depth, side)
+    share = (texels - near) / max(far - near, 1.0e-6)
+    grey = np.where(texels < 1.0, _NEAREST_GREY + 0.5 + share * _GREY_SPAN, 255.0).astype(np.uint8)
+    return Image.fromarray(grey).resize((side, side), Image.Resampling.NEAREST)
 
 
 def _nearest_within(depth: NDArray[np.float32], side: int) -> NDArray[np.float64]:

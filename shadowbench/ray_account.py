@@ -138,7 +138,7 @@ def _surface_ray(
 ) -> tuple[NDArray[np.float64], float, bool]:
     """Return the ray's direction and reach, and whether the receiver's own triangle hides it."""
     device, world = context.device, casters.world
-    own = world.vertices[world.triangles[receiver.triangle[0]]]
+    own = world.corners_of(receiver.triangle)[0]
     towards = wp.zeros(1, dtype=wp.vec3d, device=device)
     reach = wp.zeros(1, dtype=wp.float64, device=device)
     turned_away = wp.zeros(1, dtype=wp.int32, device=device)

@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 from accounts import CONFIGURATIONS, differences, shaded, spread
 from builders import LIGHTS, box_over_ground, windows_over_ground
+from instancing import COPSE
 
 from shadowbench.account import Account, Step, number
 from shadowbench.camera_pass import render
 from shadowbench.contract import account_breaches
 from shadowbench.method import Context, Method
 from shadowbench.receivers import Receivers
-from shadowbench.world import World
+from shadowbench.world import World, place
 
 
 @cache
@@ -152,6 +153,23 @@ def test_an_exact_accounts_crossed_triangles_are_those_of_a_ray_in_numpy() -> No
             assert t >= -1e-6
             assert s + t <= 1.0 + 1e-6
             assert distance > 0.0
+
+
+def test_exact_accounts_of_instances_need_no_flat_triangles(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = COPSE().make(COPSE.Parameters())
+    world = place(scene, copied_triangles=-1)
+    assert not world.is_flat
+    receivers = render(world, next(iter(world.cameras.values())), 40, 30, Context())
+    monkeypatch.setattr("shadowbench.placed_instances.flattened", None)  # nobody may ask for them
+    light = next(iter(world.lights))
+    for name in ("ray-traced", "afsm"):
+        found = shaded(name, {}, world, receivers, light)
+        assert not isinstance(found, str)
+        method, visibility = found
+        for index in spread(visibility, receivers, 6):
+            account = method.account(receivers, index)
+            assert account is not None
+            assert differences(account, visibility[index]) == 0.0
 
 
 def test_one_receiver_alone_is_that_receiver() -> None:

@@ -76,6 +76,7 @@ ROOMS: dict[str, set[str]] = {
         "errors",
         "filtered_map_method",
         "irregular_method",
+        "light_picture",
         "light_space",
         "map_account",
         "method",

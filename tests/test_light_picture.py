@@ -2,7 +2,15 @@
 
 import numpy as np
 
-from shadowbench.light_picture import SIDE, LightPlane, depth_picture, light_space_pictures
+from shadowbench.light_picture import (
+    CAPTION,
+    SHEET_COLUMNS,
+    SIDE,
+    LightPlane,
+    depth_picture,
+    depth_sheet,
+    light_space_pictures,
+)
 
 ORANGE, BLUE, GREY = (214, 137, 0), (24, 66, 130), (176, 176, 176)
 
@@ -80,3 +88,36 @@ def test_six_depth_maps_stand_as_the_faces_of_a_cube():
 
 def test_an_empty_depth_map_is_white():
     assert (depth_picture(np.ones((1, 3, 3), np.float32)) == 255).all()
+
+
+def _cell(sheet, number, columns):
+    side = SIDE // columns
+    top, left = number // columns * (side + CAPTION), number % columns * side
+    return sheet[top + 1 : top + side - 1, left + 1 : left + side - 1], sheet[top + side : top + side + CAPTION]
+
+
+def test_a_sheet_shows_every_map_over_its_own_depths_with_its_name_below():
+    shallow, deep = (np.full((1, 8, 8), far, np.float32) for far in (1.0e-4, 0.5))
+    for depth in (shallow, deep):
+        depth[0, :, :4] *= 0.5
+    maps = [("shallow", shallow[0]), ("deep", deep[0]), ("empty", np.ones((8, 8), np.float32))]
+    sheet = depth_sheet(maps)
+    cells = [_cell(sheet, number, 2)[0] for number in range(4)]
+    np.testing.assert_array_equal(cells[0], cells[1])
+    assert cells[0][5, 5, 0] < cells[0][5, -5, 0] < 255
+    assert (cells[2] == 255).all()
+    assert (cells[3] == 255).all()
+    names = [_cell(sheet, number, 2)[1] for number in (0, 2)]
+    assert all((name < 200).any() for name in names)
+    assert (names[0] != names[1]).any()
+
+
+def test_a_sheet_says_how_many_maps_it_leaves_out_and_shortens_long_names():
+    depth = np.full((2, 2), 0.5, np.float32)
+    whole = depth_sheet([("a" * 500, depth)] * 30)
+    assert whole.shape == (5 * (SIDE // SHEET_COLUMNS + CAPTION), SIDE, 3)
+    side = SIDE // SHEET_COLUMNS
+    assert (whole[side : side + CAPTION, side - 4 : side] == 255).all()  # no name runs into the next
+    more = depth_sheet([("a", depth)] * 30, left_out=7)
+    assert len(more) == len(whole) + CAPTION
+    assert (more[-CAPTION:] < 200).any()

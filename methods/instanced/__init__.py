@@ -59,7 +59,7 @@ from shadowbench.methods.instanced.pairs import Pairs, pair_up
 from shadowbench.methods.instanced.windows import corners_of, turned
 from shadowbench.parameters import parameter
 from shadowbench.receivers import Receivers
-from shadowbench.scene import DirectionalLight, Light, PointLight, RectangularLight, Rotation, SpotLight
+from shadowbench.scene import DirectionalLight, Light, Mesh, PointLight, RectangularLight, Rotation, SpotLight
 from shadowbench.world import Casters, World
 
 _BAND_HEIGHT = 8
@@ -129,6 +129,7 @@ class Instanced(Method):
 
     parameters: InstancedParameters
     _view: View
+    _mesh_list: tuple[Mesh, ...]
     _pairs: Pairs | None = None
 
     def is_view_dependent(self) -> bool:
@@ -140,7 +141,7 @@ class Instanced(Method):
         return None
 
     def build(self, casters: Casters, light: Light, view: View, changes: Changes, trace: Trace) -> None:
-        self._view = view
+        self._view, self._mesh_list = view, casters.meshes
         if self._pairs is None:
             self._meshes = CasterMeshes(self.context.device)
             self._drawer = CasterMapDrawer(self._meshes, self.parameters.slope_bias, self.context)
@@ -174,7 +175,13 @@ class Instanced(Method):
             self._apply_to_all(to_all, receivers, by_channel, trace)
 
     def explain(self, receivers: Receivers, trace: Trace) -> None:
-        """Report who was a candidate, and the picture of the overdraw (Fig. 4)."""
+        """Draw the maps, and report who was a candidate and the picture of the overdraw (Fig. 4)."""
+        from shadowbench.methods.instanced.pictures import maps_picture
+
+        assert self._pairs is not None
+        maps = maps_picture(self._pairs.requests, self._drawer.pool, self._mesh_list)
+        if maps is not None:
+            trace.picture("depth map", maps)
         if self.parameters.application == "volumes":
             device = self.context.device
             again = wp.empty((receivers.count, 1), dtype=wp.float32, device=device)

@@ -14,7 +14,7 @@ from shadowbench.device.depth_rasterizer import DepthRasterizer
 from shadowbench.device.launch import Context
 from shadowbench.device.map_pool import MapPool
 from shadowbench.methods.instanced.windows import Array
-from shadowbench.scene import Mesh
+from shadowbench.scene import Mesh, Rotation
 from shadowbench.world import Casters, bounds_of
 
 MapKey = tuple[Any, ...]
@@ -29,12 +29,16 @@ class MapRequest:
         mesh: Index of the mesh to draw.
         projection: From the mesh's space with the origin in the centre of its box, shape [4, 4].
         near: Distance of the near plane, ``None`` for an orthographic map.
+        rotation: That the first caster's mesh is drawn at, under parallel light.
+        face: Of a point light that sees it so.
         casters: Rows of :class:`Pairs` that look it up.
     """
 
     mesh: int
     projection: Array
     near: float | None
+    rotation: Rotation | None = None
+    face: int | None = None
     casters: list[int] = field(default_factory=list)
 
 

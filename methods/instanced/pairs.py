@@ -174,9 +174,8 @@ class _Pairing:
                 if seen not in windows:
                     windows[seen] = orthographic_window(self.boxes.half[row], direction)
                 # the map's unit of length is the mesh's, seen along the light
-                self._add(
-                    row, slot, windows[seen], share, windows[seen].depth_range * abs(self._scale[row, 0]) / length
-                )
+                of_world = windows[seen].depth_range * abs(self._scale[row, 0]) / length
+                self._add(row, slot, windows[seen], share, of_world, rotation=rotation)
         offset = -turned(mesh_from_world, self._translation[:, None]) - self._mesh_centre[:, None]
         self._from_world = after(self._from_world, mesh_from_world, offset)
 
@@ -196,7 +195,8 @@ class _Pairing:
             for row in view.seen.tolist():
                 window = view.window(row)
                 if window is not None:
-                    self._add(row, slot, window, 1.0, window.depth_range)
+                    face = slot if len(views) > 1 else None
+                    self._add(row, slot, window, 1.0, window.depth_range, face=face)
 
     def pairs(self, light: DirectionalLight | SpotLight | PointLight, bias: float) -> Pairs:
         """Return all that was collected."""
@@ -222,7 +222,17 @@ class _Pairing:
         self._length = np.ones(shape)
         self.keys = [[None] * views_of_a_caster for _ in self._instances]
 
-    def _add(self, row: int, slot: int, window: Window, share: float, length: float) -> None:
+    def _add(
+        self,
+        row: int,
+        slot: int,
+        window: Window,
+        share: float,
+        length: float,
+        *,
+        rotation: Rotation | None = None,
+        face: int | None = None,
+    ) -> None:
         """Let a caster look up the map of a window; ``length`` is the window's depth range in the world."""
         mesh = self._instances[row].mesh
         drawn = window.projection
@@ -232,5 +242,6 @@ class _Pairing:
         self._from_world[row, slot] = window.projection
         self._share[row, slot], self._length[row, slot] = share, length
         key = mesh, self._casters.meshes[mesh].version, drawn.tobytes(), window.near
-        self.requests.setdefault(key, MapRequest(mesh, drawn, window.near)).casters.append(row)
+        request = MapRequest(mesh, drawn, window.near, rotation, face)
+        self.requests.setdefault(key, request).casters.append(row)
         self.keys[row][slot] = key

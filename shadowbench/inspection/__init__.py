@@ -9,7 +9,8 @@
     space.py        a case laid out in space; drawing.py draws it with pyvista in a child process, page.py writes it as
                     a page, showing.py chooses
     exporting.py    a view as glTF (gltf_writing.py), NPZ and JSON for other programs
-    scoring.py      a visibility made elsewhere (visibility_files.py) -> measures, pictures and a row
+    scoring.py      a visibility made elsewhere (visibility_files.py) -> measures, pictures and a row, and
+                    kept_visibility.py: itself, so that its case can be opened again
 
 Unlike a run, looking happens in this process, with no clock: a plugin that crashes ends the command.
 """

@@ -22,6 +22,7 @@ from shadowbench.device.launch import Context
 from shadowbench.errors import PluginError, SceneError, ShadowbenchError, UsageError, did_you_mean
 from shadowbench.experiment import Comparison, Experiment
 from shadowbench.identity import available_cores
+from shadowbench.inspection import kept_visibility
 from shadowbench.light_space import camera_frame
 from shadowbench.method import Changes, Method, Trace
 from shadowbench.method import View as MethodView
@@ -34,6 +35,7 @@ from shadowbench.runner.cases import RunOptions, View
 from shadowbench.runner.planning import plan
 from shadowbench.runner.preparation import place_scene, prepare, world_name
 from shadowbench.runner.resolving import MESH_FILE, resolve_scene
+from shadowbench.store import Store
 
 if TYPE_CHECKING:
     from shadowbench.receivers import Receivers
@@ -69,7 +71,7 @@ class OpenCase:
     Attributes:
         row: The case's row.
         seen: The view.
-        method: After ``build()``, ``shade()`` and ``explain()``.
+        method: After ``build()``, ``shade()`` and ``explain()``; ``None`` for a result that was made elsewhere.
         visibility: What it wrote, 0 outside the light's field.
         digest: Of the bits that it wrote, as in rows.
         trace: What it reported.
@@ -80,7 +82,7 @@ class OpenCase:
 
     row: ResultRow
     seen: OpenView
-    method: Method
+    method: Method | None
     visibility: NDArray[np.float32]
     digest: str
     trace: Trace
@@ -174,16 +176,17 @@ def open_case(
         tell_changes: Find out for the notes whether code or result are still the row's.
 
     Raises:
-        UsageError: The case ended otherwise than ok or invalid, so that there is no result to look at.
+        UsageError: The case ended otherwise than ok or invalid, or was made elsewhere and is not kept, so that there
+            is no result to look at.
         PluginError, SceneError: Its method or scene cannot be found, or fails.
     """
     if row.outcome not in (Outcome.OK, Outcome.INVALID):
         raise UsageError(f"case {row.case_key} ended as {row.outcome.value}, so there is nothing to view: {row.reason}")
-    if row.method_title.endswith("(external)"):
-        raise UsageError(f"case {row.case_key} was measured elsewhere; only its measures and pictures are kept")
     options = RunOptions(results=results, device=row.device, threads=(row.threads,), plugin_files=plugin_files)
     registry = Registry(plugin_files)
     seen = view_of_row(registry, options.cache, row)
+    if row.method_title.endswith("(external)"):
+        return _opened_external(row, seen, results)
     context = Context(row.device, min(row.threads, available_cores()))
     with plugin_errors(f"method '{row.method}'"):
         cls = registry.method(row.method)
@@ -198,6 +201,27 @@ def open_case(
     measured = measure(seen.world, seen.receivers, seen.reference, visibility, trace.masks)
     notes = tuple(_changes(row, options, measured.columns)) if tell_changes else ()
     return OpenCase(row, seen, method, visibility, digest, trace, measured, context, notes)
+
+
+def _opened_external(row: ResultRow, seen: OpenView, results: Path) -> OpenCase:
+    """Open a result that was made elsewhere: its visibility as it was scored, and nothing of how it came about."""
+    file = row.artifacts.get(kept_visibility.ARTIFACT)
+    if file is None:
+        raise UsageError(
+            f"case {row.case_key} was made elsewhere, and only its measures and pictures are kept, not its visibility; "
+            "score it again to look into it"
+        )
+    is_opaque = seen.world.casters.is_opaque
+    shape = (seen.receivers.count,) if is_opaque else (seen.receivers.count, 3)
+    with Store.open(results) as store:
+        visibility = kept_visibility.read(store.artifact(file), shape)
+    context = Context()
+    measured = measure(seen.world, seen.receivers, seen.reference, visibility, {})
+    notes = [
+        "made elsewhere: what it stores, its formula, and the filter that it was scored against are not known",
+        *_differing(row, measured.columns),
+    ]
+    return OpenCase(row, seen, None, visibility, Trace(context), measured, context, tuple(notes))
 
 
 @contextmanager
@@ -252,6 +276,11 @@ def _changes(row: ResultRow, options: RunOptions, columns: Mapping[str, Any]) ->
         yield (
             "the code, the scene or a library has changed since this row was made: what is shown is made with today's"
         )
+    yield from _differing(row, columns)
+
+
+def _differing(row: ResultRow, columns: Mapping[str, Any]) -> Iterator[str]:
+    """Yield which counts are not the row's."""
     names = ("failure_count", "false_lit_count", "false_shadow_count")
     differing = [
         f"{name} was {getattr(row, name)}, is {columns[name]}" for name in names if getattr(row, name) != columns[name]

@@ -156,7 +156,7 @@ def report_on(case: OpenCase, index: int) -> ReceiverReport:
         diagonal=seen.world.diagonal(),
     )
     account = None
-    if finding.is_valid and finding.is_in_field:
+    if case.method is not None and finding.is_valid and finding.is_in_field:
         with plugin_errors(f"method '{case.row.method}': account()"):
             account = case.method.account(receivers, index)
     return ReceiverReport(
@@ -213,7 +213,7 @@ def _blocker(seen: OpenView, index: int, crossing: Any) -> Blocker | None:
 
 def _filtered_truth(case: OpenCase, index: int) -> tuple[float, ...] | None:
     """Return the truth of one receiver filtered with the method's kernel; the same bits as of the whole picture."""
-    kernel = case.method.kernel(case.seen.receivers)
+    kernel = None if case.method is None else case.method.kernel(case.seen.receivers)
     if kernel is None:
         return None
     seen, reference, one = case.seen, case.seen.reference, slice(index, index + 1)

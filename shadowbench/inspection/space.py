@@ -1,8 +1,10 @@
 """A case laid out in space: what :mod:`shadowbench.inspection.drawing` draws, as arrays that fit into a file.
 
 The scene, its receivers painted with their shadows and failures, the light's window as a frustum with its depth maps
-at the near plane, and the camera. A scene of more triangles than can be turned on any machine is thinned: of large
-meshes, evenly drawn triangles stay, each instance keeping its share; receivers say what the surface truly is.
+at the near plane, and the camera. A scene of more triangles than can be turned on any machine is thinned: no instance
+keeps more than any other may, and of those that have more, evenly chosen triangles stay and grow to cover what they
+stand for (Cook et al. 2007, Stochastic Simplification of Aggregate Detail); receivers say what the surface truly is.
+Instances are looked up, never flattened: what is held is what is drawn.
 """
 
 from __future__ import annotations
@@ -101,15 +103,43 @@ def _beside(seen: OpenView) -> list[float]:
 def _scene(seen: OpenView) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.uint8], float]:
     """Return the scene's triangles, thinned where there are too many, their colours, and the share that is left."""
     world = seen.world
-    count = world.triangle_count
-    kept: NDArray[np.int64] = np.arange(count)
-    if count > MOST_TRIANGLES:
-        kept = np.unique(np.linspace(0, count - 1, MOST_TRIANGLES).astype(np.int64))
-    triangles = world.triangles[kept]
-    used, renumbered = np.unique(triangles, return_inverse=True)
-    albedo = np.array([instance.albedo for instance in world.instances], np.float64)[world.instance_of(kept)]
-    vertices: NDArray[np.float32] = world.vertices[used]
-    return vertices, renumbered.reshape(-1, 3).astype(np.int32), to_srgb(0.75 * albedo), len(kept) / count
+    counts = np.diff(world.first_triangle)
+    allowed = fair_shares(counts, MOST_TRIANGLES)
+    kept = np.concatenate(
+        [
+            first + (np.arange(share) * count) // max(share, 1)
+            for first, count, share in zip(world.first_triangle, counts, allowed, strict=False)
+        ]
+    ).astype(np.int64)
+    owner = world.instance_of(kept)
+    colours = to_srgb(0.75 * np.array([instance.albedo for instance in world.instances], np.float64)[owner])
+    if len(kept) == world.triangle_count and world.is_flat:
+        return world.vertices, world.triangles, colours, 1.0
+    corners = world.corners_of(kept)
+    grown = np.sqrt(counts / np.maximum(allowed, 1))[owner].astype(np.float32)[:, None, None]
+    middle = corners.mean(axis=1, keepdims=True)
+    vertices: NDArray[np.float32] = np.where(grown > 1.0, middle + grown * (corners - middle), corners).reshape(-1, 3)
+    triangles = np.arange(len(vertices), dtype=np.int32).reshape(-1, 3)
+    return vertices, triangles, colours, len(kept) / world.triangle_count
+
+
+def fair_shares(counts: NDArray[np.int64], most: int) -> NDArray[np.int64]:
+    """Return how many triangles each instance keeps, ``most`` in all: all it has, or as many as any other may keep.
+
+    Of more instances than that, evenly chosen ones keep a triangle each.
+    """
+    if int(counts.sum()) <= most:
+        return counts.copy()
+    if len(counts) > most:
+        shares = np.zeros_like(counts)
+        shares[np.linspace(0, len(counts) - 1, most).astype(np.int64)] = 1
+        return np.minimum(shares, counts)
+    ordered = np.sort(counts)
+    before = np.concatenate([[0], np.cumsum(ordered)])[:-1]
+    # with the limit at each count in turn, those below keep all; the largest limit that fits
+    limits = (most - before) // np.arange(len(ordered), 0, -1)
+    limit = int(limits[np.argmax(limits < ordered)])
+    return np.minimum(counts, limit)
 
 
 def _receivers(case: OpenCase) -> tuple[NDArray[np.float32], NDArray[np.uint8], dict[str, int]]:

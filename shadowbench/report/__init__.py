@@ -121,7 +121,6 @@ def _made(store: Store, run: RunRecord, folder: str) -> tuple[str, Files]:
         summary=summarize(run, rows, views, claims, pool, notices),
         experiments=sections.experiment_parts(run, rows, views, claims),
         pareto=sections.pareto_plots(rows, views),
-        names=sections.names_of(views),
         views=views,
         layer_names=_layer_names(views),
         lost=pool.lost,

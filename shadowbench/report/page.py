@@ -14,7 +14,7 @@ import itertools
 import json
 from dataclasses import replace
 from importlib import resources
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
@@ -27,6 +27,9 @@ from shadowbench.tables.numbers import number_text
 from shadowbench.tables.plain_text import shortened
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from shadowbench.report.sections import Names
     from shadowbench.tables.table import Cell, Header, Table
 
 SCRIPTS = ("theme.js", "tables.js", "masks.js", "gallery.js", "case.js", "downloads.js")
@@ -91,6 +94,7 @@ def _environment() -> Environment:
         verdict_tone=_verdict_tone,
         verdict_mark=_verdict_mark,
         header_groups=_header_groups,
+        case_links=_case_links,
         own_lines=_own_lines,
         sort_value=_sort_value,
         interval=_interval,
@@ -136,6 +140,31 @@ def _header_groups(table: Table) -> list[tuple[str, int]]:
     """A pivoted table's groups of neighbouring columns, and how many each spans."""
     groups = itertools.groupby(header.group for header in table.headers)
     return [(group, len(list(members))) for group, members in groups]
+
+
+class CaseLink(NamedTuple):
+    """What a cell opens: a case's anchor, and its title where the line does not say which case it is."""
+
+    anchor: str
+    title: str
+
+
+def _case_links(line: Sequence[Cell], index_count: int, names: Names) -> list[CaseLink | None]:
+    """For each cell of a table's line what it opens: the first cell the line's case.
+
+    A line of several cases, one a pivoted column, has a link in the first cell of each.
+    """
+    keys = list(dict.fromkeys(cell.case_key for cell in line if cell.case_key in names))
+    links: list[CaseLink | None] = [None] * len(line)
+    for key in keys:
+        own = [place for place, cell in enumerate(line) if cell.case_key == key]
+        title, anchor = names[key]
+        if len(keys) == 1:
+            own, title = [*range(index_count), *own], ""
+        place = next((place for place in own if line[place].text()), None)
+        if place is not None:
+            links[place] = CaseLink(anchor, title)
+    return links
 
 
 def _own_lines(header: Header) -> list[str]:

@@ -33,6 +33,7 @@ class ExperimentPart:
     Attributes:
         anchor: Its id.
         name, title, source, description: As its file says.
+        names: Of its cases, and where they are.
         claims: With their verdicts.
         tables: Each with its download.
         charts: The first of each kind come first.
@@ -44,6 +45,7 @@ class ExperimentPart:
     title: str
     source: str
     description: str
+    names: Names
     claims: list[ClaimAnswer]
     tables: list[tuple[Table, Download]]
     charts: list[Chart]
@@ -80,6 +82,7 @@ def experiment_parts(
                 title=str(definition.get("title") or name),
                 source=str(definition.get("source") or ""),
                 description=str(definition.get("description") or "").strip(),
+                names=names_of(views, name),
                 claims=[claim for claim in claims if claim.experiment == name],
                 tables=[(t, table_download(t, f"{number}-{k}")) for k, t in enumerate(_own(made, name), 1)],
                 charts=charts[:MOST_CHARTS],

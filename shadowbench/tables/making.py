@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from shadowbench.choices import EVERYTHING
@@ -128,7 +129,8 @@ class _Making:
             pivot = self.pivot(row)
             for name in self.layout.values:
                 place = tuple(name if c == MEASURE else self.named(row, c) for c in self.index)
-                cells, cell = lines.setdefault(place, {}), self.cell(row, name)
+                cells = lines.setdefault(place, {})
+                cell = replace(self.cell(row, name), case_key=row.case_key)
                 cells[pivot, self.slot(name), "measured"] = cell
                 for kind, beside in printed_cells(self.layout, row, name, cell):
                     cells[pivot, self.slot(name), kind] = beside

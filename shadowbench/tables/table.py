@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from shadowbench.rows import Outcome, ResultRow
 from shadowbench.tables.columns import Scalar
@@ -53,6 +53,7 @@ class Cell:
         note: Number of the note that gives the reason; 0 for none.
         bounds: Between which the true value lies for all that is known, where it is no exact one: what orders it. A
             stage has bounds and no interval; they are without end where too few rounds were taken.
+        case_key: Of the case whose value it is; empty in the columns that name a line.
     """
 
     value: Scalar = None
@@ -63,6 +64,7 @@ class Cell:
     note: int = 0
     shown: str = ""
     bounds: tuple[float, float] | None = None
+    case_key: str = field(default="", compare=False)
 
     @property
     def is_failure(self) -> bool:

@@ -7,12 +7,14 @@ import json
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from builders import LIGHTS, box_over_ground
+from instancing import COPSE
 
 from shadowbench.errors import UsageError
 from shadowbench.inspection import showing, space
@@ -20,6 +22,7 @@ from shadowbench.inspection.opening import OpenCase, open_case
 from shadowbench.inspection.page import page
 from shadowbench.light_space import camera_frame, light_frames
 from shadowbench.rows import ResultRow
+from shadowbench.world import place
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 
@@ -69,6 +72,43 @@ def test_a_large_scene_is_thinned_evenly(case: OpenCase, monkeypatch: pytest.Mon
     assert said["kept_share"] == 6 / case.seen.world.triangle_count
     failing = int(case.measured.masks["failure"].sum())
     assert failing <= len(thinned["points"]) <= failing + 101
+
+
+@pytest.mark.parametrize(
+    ("counts", "most", "kept"),
+    [
+        ([2, 12], 100, [2, 12]),
+        ([2, 12], 6, [2, 4]),
+        ([1000, 2, 1000], 12, [5, 2, 5]),
+        ([3, 3, 3, 3], 2, [1, 0, 0, 1]),
+        ([7, 7, 8], 21, [7, 7, 7]),
+    ],
+)
+def test_small_instances_stay_whole_and_large_ones_share_alike(counts: list[int], most: int, kept: list[int]) -> None:
+    assert space.fair_shares(np.array(counts, np.int64), most).tolist() == kept
+
+
+def test_instances_are_drawn_without_flattening_and_cover_as_much_as_they_did(
+    case: OpenCase, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    world = place(COPSE().make(COPSE.Parameters()), copied_triangles=-1)
+    monkeypatch.setattr("shadowbench.placed_instances.flattened", None)  # nobody may ask for them
+    light, camera = next(iter(world.lights.values())), next(iter(world.cameras.values()))
+    seen = replace(case.seen, world=world, light=light, camera=camera)
+    vertices, triangles, colours, share = space._scene(seen)
+    whole = vertices[triangles]
+    assert share == 1.0
+    assert np.array_equal(whole, np.concatenate([block.corners for block in world.blocks()]))
+    assert len(colours) == world.triangle_count
+
+    def area(corners: np.ndarray) -> float:
+        a, b, c = (corners[:, k].astype(np.float64) for k in range(3))
+        return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+
+    monkeypatch.setattr(space, "MOST_TRIANGLES", world.triangle_count // 2)
+    vertices, triangles, _, share = space._scene(seen)
+    assert 0.4 < share <= 0.5
+    assert area(vertices[triangles]) == pytest.approx(area(whole), rel=0.1)
 
 
 def _parts(text: str) -> tuple[dict[str, Any], dict[str, str]]:

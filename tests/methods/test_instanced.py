@@ -13,6 +13,7 @@ from surfaces import grid, sphere
 
 from shadowbench.device.launch import Context
 from shadowbench.errors import ParameterError
+from shadowbench.light_picture import CAPTION, SIDE, depth_sheet
 from shadowbench.light_space import axes_of
 from shadowbench.reference import hard_reference
 from shadowbench.scene import Camera, Instance, Mesh, PointLight, Rotation, Scene
@@ -187,6 +188,42 @@ def test_nothing_is_built_again_while_nothing_relevant_moves():
     again, _ = shaded(method, receivers)
     np.testing.assert_array_equal(first, again)
     assert built(method, world, receivers, changed=(True, None, False)).counters["maps built"] == 4
+
+
+def test_the_report_gets_one_picture_of_all_maps_with_their_angles():
+    world = world_of_instances(POST, [turned(70.0, x=-1.0), turned(70.0, x=1.0), turned(340.0, z=1.0)])
+    receivers = seen(world)
+    method = made(resolution=64)
+    built(method, world, receivers)
+    _, trace = shaded(method, receivers)
+    pool, requests = method._drawer.pool, method._pairs.requests
+    by_angle = {request.rotation.angle: pool.map(key).numpy() for key, request in requests.items()}
+    angles = (0.0, 60.0, 90.0, 330.0)
+    assert sorted(by_angle) == list(angles)
+    expected = depth_sheet([(f"object {angle:g}\u00b0", by_angle[angle]) for angle in angles])
+    np.testing.assert_array_equal(trace.pictures["depth map"], expected)
+
+
+@pytest.mark.parametrize(("light", "name"), [("spot", "object, caster 0"), ("lamp", "object, caster 0 -y")])
+def test_under_a_light_from_a_place_maps_are_named_by_their_caster(light, name):
+    world = world_of_instances(POST, [turned(0.0, x=0.9, z=0.7, size=0.5)])
+    receivers = seen(world)
+    method = made(resolution=64)
+    built(method, world, receivers, light)
+    _, trace = shaded(method, receivers)
+    ((key, _),) = method._pairs.requests.items()
+    expected = depth_sheet([(name, method._drawer.pool.map(key).numpy())])
+    np.testing.assert_array_equal(trace.pictures["depth map"], expected)
+
+
+def test_of_very_many_maps_some_are_pictured_and_the_others_counted():
+    world = world_of_instances(POST, [turned(float(angle), x=angle / 60.0 - 3.0) for angle in range(1, 361, 9)])
+    receivers = seen(world)
+    method = made(resolution=16, rotation="exact")
+    assert built(method, world, receivers).counters["maps built"] == 40
+    _, trace = shaded(method, receivers)
+    side = SIDE // 5
+    assert trace.pictures["depth map"].shape == (5 * (side + CAPTION) + CAPTION, SIDE, 3)
 
 
 def test_a_caster_that_is_moved_needs_no_new_map_and_one_that_is_turned_needs_those_of_its_angle():

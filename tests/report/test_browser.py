@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, CDPSession, Page, sync_playwright
 from stored_rows import png, some_row, some_run, with_masks, with_pictures
 
 from shadowbench import report
@@ -281,6 +281,93 @@ def test_dragging_pans_and_a_click_opens_the_case(page: Page) -> None:
     page.locator("#view-1 .zoom button[data-zoom=all]").click()
 
 
+_screens: dict[Page, CDPSession] = {}
+
+
+def _touch(page: Page, kind: str, *points: tuple[float, float]) -> None:
+    """Let fingers do something, all of them at once, as the browser's own touch screen would."""
+    if page not in _screens:  # a session of its own for every touch would forget the fingers that are down
+        _screens[page] = page.context.new_cdp_session(page)
+    touched = [{"x": x, "y": y, "id": number} for number, (x, y) in enumerate(points)]
+    _screens[page].send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": touched})
+
+
+def _pinch(page: Page, middle: tuple[float, float], *apart: float, moved: tuple[float, float] = (0.0, 0.0)) -> None:
+    """Put two fingers on both sides of a place, ``apart[0]`` away from each other, and move them steadily."""
+    for number, distance in enumerate(apart):
+        share = number / (len(apart) - 1)
+        x, y = middle[0] + share * moved[0], middle[1] + share * moved[1]
+        kind = "touchStart" if number == 0 else "touchMove"
+        _touch(page, kind, (x - distance / 2, y), (x + distance / 2, y))
+    _touch(page, "touchEnd")
+
+
+@pytest.fixture
+def phone(browser: Browser, opened: Opened) -> Iterator[Page]:
+    """Return the page on a telephone's touch screen."""
+    context = browser.new_context(viewport={"width": 390, "height": 844}, offline=True, has_touch=True, is_mobile=True)
+    context.set_default_timeout(10_000)
+    complaints: list[str] = []
+    page = context.new_page()
+    page.on("console", lambda message: complaints.append(message.text))
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.goto(opened.path.as_uri())
+    page.wait_for_selector("html[data-ready=yes]")
+    yield page
+    context.close()
+    assert complaints == []
+
+
+def _middle(page: Page, selector: str) -> tuple[float, float]:
+    box: Any = page.locator(selector).bounding_box()
+    return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+
+def test_two_fingers_zoom_and_move_all_pictures_of_a_view(phone: Page) -> None:
+    pictures = [f"#view-1-case-{number} .frame > img" for number in (1, 2)]
+    phone.locator("#view-1-case-1 .frame").scroll_into_view_if_needed()
+    middle = _middle(phone, "#view-1-case-1 .frame")
+    before = phone.evaluate("[scrollY, visualViewport.scale]")
+    _pinch(phone, middle, 60.0, 90.0, 120.0)
+    zoomed = [_zoom(phone, picture) for picture in pictures]
+    assert zoomed[0] == zoomed[1]
+    width, height = phone.evaluate(
+        "(f => [f.clientWidth, f.clientHeight])(document.querySelector('#view-1-case-1 .frame'))"
+    )
+    # twice as large, and what was under the fingers' middle still is
+    assert zoomed[0] == pytest.approx([2.0, -width / 2, -height / 2], abs=1.0)
+    _pinch(phone, middle, 80.0, 80.0, 80.0, moved=(30.0, 20.0))
+    assert _zoom(phone, pictures[0]) == pytest.approx([2.0, 30.0 - width / 2, 20.0 - height / 2], abs=1.0)
+    _touch(phone, "touchStart", middle)
+    _touch(phone, "touchMove", (middle[0] - 15.0, middle[1]))
+    _touch(phone, "touchMove", (middle[0] - 30.0, middle[1] - 20.0))
+    _touch(phone, "touchEnd")
+    assert _zoom(phone, pictures[1]) == pytest.approx([2.0, -width / 2, -height / 2], abs=1.0)
+    assert phone.evaluate("[scrollY, visualViewport.scale]") == before  # the page itself stayed where it was
+    assert not phone.locator("dialog[open]").count()
+    _pinch(phone, middle, 120.0, 60.0, 20.0)
+    assert _zoom(phone, pictures[0]) == [1.0, 0.0, 0.0]
+
+
+def test_one_finger_scrolls_the_page_over_a_whole_picture_and_a_tap_opens_the_case(phone: Page) -> None:
+    phone.locator("#view-1-case-1 .frame").scroll_into_view_if_needed()
+    middle = _middle(phone, "#view-1-case-1 .frame")
+    before = phone.evaluate("scrollY")
+    _touch(phone, "touchStart", middle)
+    for step in range(1, 9):
+        _touch(phone, "touchMove", (middle[0], middle[1] - 20.0 * step))
+    _touch(phone, "touchEnd")
+    phone.wait_for_function(f"scrollY > {before} + 50")
+    assert not phone.locator("dialog[open]").count()
+    phone.locator("#view-1-case-1 .frame").scroll_into_view_if_needed()
+    phone.touchscreen.tap(*_middle(phone, "#view-1-case-1 .frame"))
+    assert phone.locator("#case-title").inner_text() == phone.locator("#view-1-case-1 .open").text_content()
+    stage = "#case-stage .frame"
+    phone.locator(stage).scroll_into_view_if_needed()
+    _pinch(phone, _middle(phone, stage), 40.0, 80.0, 120.0)
+    assert _zoom(phone, f"{stage} > img")[0] == pytest.approx(3.0, rel=0.02)
+
+
 def test_a_case_opens_by_keyboard_and_holds_everything(page: Page) -> None:
     page.locator("#view-1-case-1 .open").focus()
     page.keyboard.press("Enter")
@@ -290,7 +377,7 @@ def test_a_case_opens_by_keyboard_and_holds_everything(page: Page) -> None:
         assert words in text
     assert page.evaluate("document.activeElement.id") == "case-close"
     page.locator("#case-after").click()
-    assert page.locator("#case-title").inner_text() == page.locator("#view-1-case-2 .open").inner_text()
+    assert page.locator("#case-title").inner_text() == page.locator("#view-1-case-2 .open").text_content()
     page.locator("#case-stage").focus()
     page.keyboard.press("+")
     assert _zoom(page, "#case-stage .frame > img")[0] == 1.5
@@ -384,3 +471,24 @@ def test_without_scripts_figures_and_charts_are_there(browser: Browser, opened: 
     assert plain.locator("svg.chart").count() > 2
     assert plain.locator("#view-1-case-1 .headline").is_visible()
     context.close()
+
+
+def test_a_tables_line_opens_its_case_by_keyboard_and_by_a_click_anywhere(page: Page) -> None:
+    line = page.locator("table.sortable tbody tr").nth(1)
+    link = line.locator("a.case").first
+    anchor = (link.get_attribute("href") or "").removeprefix("#")
+    title = page.locator(f"#{anchor} .open").text_content()
+    link.focus()
+    page.keyboard.press("Enter")
+    assert page.locator("#case-title").inner_text() == title
+    page.keyboard.press("Escape")
+    assert link.evaluate("element => element === document.activeElement")  # one goes on where one was
+    link.locator("xpath=ancestor::td | ancestor::th").first.click(position={"x": 3, "y": 3})
+    page.wait_for_selector("dialog[open]")
+    assert page.locator("#case-title").inner_text() == title
+    page.keyboard.press("Escape")
+    line.locator("td:has(a.case)").last.click(position={"x": 3, "y": 3})
+    page.wait_for_selector("dialog[open]")
+    opened = page.locator("#case-title").inner_text()
+    last = line.locator("a.case").last.get_attribute("href") or ""
+    assert opened == page.locator(f"{last} .open").text_content()

@@ -257,6 +257,33 @@ def test_a_pivots_groups_stand_once_above_their_columns(store: Store, run: RunRe
     assert page.count("resolution=512</th>") == 1
 
 
+def _case_links(page: str) -> list[tuple[str | None, str | None]]:
+    found = (a for tag, a in read(page).elements if tag == "a" and a.get("class") == "case")
+    return [(a["href"], a.get("aria-label")) for a in found]
+
+
+def test_a_line_of_a_table_links_to_its_case(store: Store, run: RunRecord, add: Add) -> None:
+    add("pcf")
+    add("esm", outcome=Outcome.CRASH, reason="a fault")
+    page = report.html(store, run)
+    assert _case_links(page) == [("#view-1-case-1", None), ("#view-1-case-2", None)]
+    assert '<th scope="row" data-value="pcf"><a class="case" href="#view-1-case-1">pcf</a></th>' in page
+
+
+def test_a_line_of_several_cases_links_to_each_by_its_first_value(store: Store, run: RunRecord, add: Add) -> None:
+    for resolution in (256, 512):
+        add(method_parameters={"resolution": resolution}, build_ms=None if resolution == 512 else 1.0)
+    layout = {"title": "T", "index": ["method"], "columns": "resolution", "values": ["build_ms", "shade_ms"]}
+    pivoted = run.model_copy(update={"definitions": [{"name": "quick", "tables": [layout]}]})
+    links = _case_links(report.html(store, pivoted))
+    assert [href for href, _ in links] == ["#view-1-case-1", "#view-1-case-2"]
+    (_, first), (_, second) = links
+    assert first is not None
+    assert second is not None
+    assert first.endswith(", pcf(resolution=256)")
+    assert second == "1.50, pcf(resolution=512)"  # there is no build time to link
+
+
 def test_claims_stand_with_their_experiment(store: Store, run: RunRecord, add: Add) -> None:
     add()
     test = {"value": "shade_ms", "of": {"method": "esm"}, "relation": "less than", "number": 1.0}

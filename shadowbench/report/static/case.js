@@ -65,6 +65,18 @@ function openCase(id) {
   dialog.scrollTop = 0;
   return true;
 }
+// The link to the case that a table's cell belongs to: the line's only one, or the nearest to its left.
+function linkOfLine(target) {
+  const cell = target.closest?.("table.sortable tbody :is(td, th)");
+  if (!cell || target.closest("button, input, summary") || !cell.textContent.trim()) return null;
+  const selected = getSelection(); // who marks text to copy it opens nothing
+  if (!selected.isCollapsed && selected.containsNode(cell.parentElement, true)) return null;
+  const links = cell.parentElement.querySelectorAll("a.case");
+  if (links.length < 2) return links[0] ?? null;
+  let at = cell;
+  while (at && !at.querySelector("a.case")) at = at.previousElementSibling;
+  return at && at.querySelector("a.case");
+}
 function refreshCase() {
   if (!opened) return;
   const hasPicture = pictures[opened.result] || opened.layers.length;
@@ -92,9 +104,9 @@ if (dialog) {
       part("copied").textContent = "selected; copy it with the keyboard";
     }
   });
-  // links to cases, in tables, claims and charts, open them
+  // links to cases, in tables, claims and charts, open them; so does a click anywhere on a table's line
   document.addEventListener("click", (event) => {
-    const link = event.target.closest?.("a");
+    const link = event.target.closest?.("a") ?? linkOfLine(event.target);
     const address = link && link.getAttribute("href");
     if (address?.startsWith("#view-") && !event.ctrlKey && !event.metaKey && openCase(address.slice(1))) event.preventDefault();
   });

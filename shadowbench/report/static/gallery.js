@@ -88,30 +88,54 @@ function zoomByKey(root, event) {
   } else return;
   event.preventDefault();
 }
-// Drag to pan, double-click to zoom in; a click without a drag does `click`.
+// Drag to pan, two fingers to zoom and pan, double-click to zoom in; a click without a drag does `click`.
 function watch(frame, root, click) {
-  let drag = null;
+  const held = new Map(); // pointer -> where it is, in shares of the frame
+  let from = null; // where the gesture began: its middle, how far its fingers were apart, the crop then
+  let moved = false;
   const place = (event) => {
     const box = frame.getBoundingClientRect();
     return [(event.clientX - box.left) / box.width, (event.clientY - box.top) / box.height];
   };
+  const gesture = () => {
+    const [[x, y], other] = held.values();
+    if (!other) return { middle: [x, y], apart: 0 };
+    const [across, down] = [(other[0] - x) * frame.clientWidth, (other[1] - y) * frame.clientHeight];
+    return { middle: [(x + other[0]) / 2, (y + other[1]) / 2], apart: Math.hypot(across, down) };
+  };
+  const begin = () => { from = held.size ? { ...gesture(), crop: crop(root) } : null; };
+  const end = (event) => {
+    const was = held.delete(event.pointerId);
+    if (was) begin();
+    return was;
+  };
   frame.addEventListener("pointerdown", (event) => {
-    if (event.button !== 0) return;
-    drag = { from: place(event), crop: crop(root), moved: false };
+    if (event.button !== 0 || held.size === 2) return;
+    if (!held.size) moved = false;
+    held.set(event.pointerId, place(event));
     frame.setPointerCapture(event.pointerId);
+    begin();
   });
   frame.addEventListener("pointermove", (event) => {
-    if (!drag) return;
-    const [x, y] = place(event);
-    drag.moved ||= Math.hypot(x - drag.from[0], y - drag.from[1]) > 0.015;
-    if (drag.moved) setCrop(root, { zoom: drag.crop.zoom, x: drag.crop.x + x - drag.from[0], y: drag.crop.y + y - drag.from[1] });
+    if (!held.has(event.pointerId)) return;
+    held.set(event.pointerId, place(event));
+    const { middle: [x, y], apart } = gesture();
+    const [fromX, fromY] = from.middle;
+    moved ||= held.size > 1 || Math.hypot(x - fromX, y - fromY) > 0.015;
+    if (!moved) return;
+    const zoom = Math.min(Math.max(from.crop.zoom * (from.apart ? apart / from.apart : 1), 1), 16);
+    // what was under the middle of the fingers stays under it
+    const shift = (old, then, now) => now - ((then - old) * zoom) / from.crop.zoom;
+    setCrop(root, { zoom, x: shift(from.crop.x, fromX, x), y: shift(from.crop.y, fromY, y) });
   });
-  frame.addEventListener("pointerup", () => {
-    const clicked = drag && !drag.moved;
-    drag = null;
-    if (clicked && click) click();
+  frame.addEventListener("pointerup", (event) => {
+    if (end(event) && !held.size && !moved && click) click();
   });
-  frame.addEventListener("pointercancel", () => { drag = null; });
+  frame.addEventListener("pointercancel", end);
+  // one finger scrolls the page over a picture that is shown whole; two belong to the picture
+  for (const name of ["touchstart", "touchmove"]) {
+    frame.addEventListener(name, (event) => { if (event.touches.length > 1) event.preventDefault(); }, { passive: false });
+  }
   frame.addEventListener("wheel", (event) => {
     if (!event.ctrlKey && !event.metaKey) return;
     event.preventDefault();
