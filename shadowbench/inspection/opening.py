@@ -221,7 +221,7 @@ def _opened_external(row: ResultRow, seen: OpenView, results: Path) -> OpenCase:
         "made elsewhere: what it stores, its formula, and the filter that it was scored against are not known",
         *_differing(row, measured.columns),
     ]
-    return OpenCase(row, seen, None, visibility, Trace(context), measured, context, tuple(notes))
+    return OpenCase(row, seen, None, visibility, row.visibility_digest, Trace(context), measured, context, tuple(notes))
 
 
 @contextmanager
