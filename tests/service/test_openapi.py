@@ -50,7 +50,7 @@ def test_no_request_is_answered_with_a_fault(described) -> None:
 
         @given(case=operation.as_strategy())
         @settings(
-            max_examples=25,
+            max_examples=15,
             deadline=None,
             derandomize=True,
             database=None,

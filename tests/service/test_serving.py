@@ -22,7 +22,7 @@ from shadowbench.store.documents import row_document, run_document
 from shadowbench.store.tokens import Scope, TokenBook
 from shadowbench.store.uploads import digest_of
 
-KILLS = int(os.environ.get("SHADOWBENCH_KILLS", "4"))
+KILLS = int(os.environ.get("SHADOWBENCH_KILLS", "3"))
 
 
 @pytest.fixture
