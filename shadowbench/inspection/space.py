@@ -1,10 +1,10 @@
 """A case laid out in space: what :mod:`shadowbench.inspection.drawing` draws, as arrays that fit into a file.
 
 The scene, its receivers painted with their shadows and failures, the light's window as a frustum with its depth maps
-at the near plane, and the camera. A scene of more triangles than can be turned on any machine is thinned: no instance
-keeps more than any other may, and of those that have more, evenly chosen triangles stay and grow to cover what they
-stand for (Cook et al. 2007, Stochastic Simplification of Aggregate Detail); receivers say what the surface truly is.
-Instances are looked up, never flattened: what is held is what is drawn.
+at the near plane, and the camera. A scene of more triangles than can be turned on any machine is thinned: no mesh, over
+all its instances, keeps more than any other may, and of those that have more, evenly chosen triangles stay and grow to
+cover what they stand for (Cook et al. 2007, Stochastic Simplification of Aggregate Detail); receivers say what the
+surface truly is. Instances are looked up, never flattened: what is held is what is drawn.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ def _scene(seen: OpenView) -> tuple[NDArray[np.float32], NDArray[np.int32], NDAr
     """Return the scene's triangles, thinned where there are too many, their colours, and the share that is left."""
     world = seen.world
     counts = np.diff(world.first_triangle)
-    allowed = fair_shares(counts, MOST_TRIANGLES)
+    allowed = _allowed(counts, np.array([instance.mesh for instance in world.instances]))
     kept = np.concatenate(
         [
             first + (np.arange(share) * count) // max(share, 1)
@@ -123,10 +123,23 @@ def _scene(seen: OpenView) -> tuple[NDArray[np.float32], NDArray[np.int32], NDAr
     return vertices, triangles, colours, len(kept) / world.triangle_count
 
 
-def fair_shares(counts: NDArray[np.int64], most: int) -> NDArray[np.int64]:
-    """Return how many triangles each instance keeps, ``most`` in all: all it has, or as many as any other may keep.
+def _allowed(counts: NDArray[np.int64], mesh: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return how many triangles each instance keeps: its part of its mesh's share.
 
-    Of more instances than that, evenly chosen ones keep a triangle each.
+    So a ground that is there once stays whole under a thousand trees.
+    """
+    allowed = np.zeros_like(counts)
+    meshes, totals = np.unique(mesh), np.bincount(mesh, counts).astype(np.int64)
+    for number, share in zip(meshes, fair_shares(totals[meshes], MOST_TRIANGLES), strict=True):
+        own = np.flatnonzero(mesh == number)
+        allowed[own] = fair_shares(counts[own], int(share))
+    return allowed
+
+
+def fair_shares(counts: NDArray[np.int64], most: int) -> NDArray[np.int64]:
+    """Return how much of ``most`` each may keep: all it has, or as many as any other.
+
+    Of more of them than that, evenly chosen ones keep one each.
     """
     if int(counts.sum()) <= most:
         return counts.copy()

@@ -84,7 +84,9 @@ def test_a_large_scene_is_thinned_evenly(case: OpenCase, monkeypatch: pytest.Mon
         ([7, 7, 8], 21, [7, 7, 7]),
     ],
 )
-def test_small_instances_stay_whole_and_large_ones_share_alike(counts: list[int], most: int, kept: list[int]) -> None:
+def test_what_is_small_stays_whole_and_what_is_large_shares_alike(
+    counts: list[int], most: int, kept: list[int]
+) -> None:
     assert space.fair_shares(np.array(counts, np.int64), most).tolist() == kept
 
 
@@ -109,6 +111,12 @@ def test_instances_are_drawn_without_flattening_and_cover_as_much_as_they_did(
     vertices, triangles, _, share = space._scene(seen)
     assert 0.4 < share <= 0.5
     assert area(vertices[triangles]) == pytest.approx(area(whole), rel=0.1)
+
+
+def test_what_is_there_once_stays_whole_under_many_instances(monkeypatch: pytest.MonkeyPatch) -> None:
+    counts, mesh = np.array([40, 30, 40, 40], np.int64), np.array([0, 1, 0, 0])
+    monkeypatch.setattr(space, "MOST_TRIANGLES", 60)
+    assert space._allowed(counts, mesh).tolist() == [10, 30, 10, 10]
 
 
 def _parts(text: str) -> tuple[dict[str, Any], dict[str, str]]:
