@@ -24,7 +24,7 @@ from shadowbench.report.masks import palette_png
 PICTURE_BYTES = 8_000_000
 """What all pictures of one report may take at most; base64 makes a third more of it."""
 
-_PAGE_BYTES, _CASE_BYTES, _LEAST_BYTES = 14_000_000, 10_000, 1_500_000
+_PAGE_BYTES, _CASE_BYTES, _LEAST_BYTES = 14_000_000, 11_500, 1_500_000
 """A page, all that a case takes besides its pictures, about, and what pictures get in any case [bytes]."""
 
 MAIN_SHARE = 0.8
