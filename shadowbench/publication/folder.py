@@ -48,23 +48,24 @@ def write_folder(
         How many cases are sampled.
 
     Raises:
-        UsageError: The folder cannot be written.
+        UsageError: The folder cannot be written, or holds something else where an experiment's pages belong.
         StoreError: A picture is missing or damaged.
     """
+    places = {str(definition["name"]): _place(folder, str(definition["name"])) for definition in run.definitions}
     rows = [row.model_copy(update={"stderr_tail": ""}) for row in store.rows(run.run_id)]
     answers = answer_claims(run, rows)
     sample = sampled(rows)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        shutil.rmtree(folder / VISIBILITY, ignore_errors=True)
-        (folder / VISIBILITY).mkdir()
+        (folder / VISIBILITY).mkdir(parents=True, exist_ok=True)
+        for old in (folder / VISIBILITY).glob("*.png"):
+            old.unlink()
         for row in sample:
             Image.fromarray(levels_of(row)).save(folder / VISIBILITY / f"{row.case_key}.png", optimize=True)
         for definition in run.definitions:
             name = str(definition["name"])
             own = [row for row in rows if row.experiment == name]
             if own:
-                _write_experiment(store, run, definition, own, folder / name)
+                _write_experiment(store, run, definition, own, places[name])
         about = run.model_dump(mode="json", include=set(_PUBLIC))
         (folder / "run.json").write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")
         _write_front_picture(store, rows, folder)
@@ -110,10 +111,26 @@ def read_sample(folder: Path) -> dict[str, NDArray[np.uint8]]:
     return found
 
 
+def _place(folder: Path, experiment: str) -> Path:
+    """Return where an experiment's pages go; only pages that were published before may be there.
+
+    Raises:
+        UsageError: Something else is there, or the experiment's name is none of a folder.
+    """
+    place = folder / experiment
+    if Path(experiment).name != experiment or experiment in ("", "..", VISIBILITY):
+        raise UsageError(f"experiment '{experiment}' cannot be published: its name is no folder's")
+    is_published = (place / "rows.csv").is_file() and (place / "README.md").is_file()
+    if place.exists() and not is_published and not (place.is_dir() and not any(place.iterdir())):
+        raise UsageError(f"--to {folder}: {place} is there and holds no published experiment; name another folder")
+    return place
+
+
 def _write_experiment(
     store: Store, run: RunRecord, definition: Mapping[str, object], rows: Sequence[ResultRow], folder: Path
 ) -> None:
-    shutil.rmtree(folder, ignore_errors=True)
+    if folder.exists():
+        shutil.rmtree(folder)
     folder.mkdir()
     answers = [answer for answer in answer_claims(run, rows) if answer.experiment == definition["name"]]
     sheets = sheets_of(store, rows, Labels("method", rows, defaults=run.method_defaults))

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from shadowbench.errors import UsageError
 from shadowbench.inspection.opening import OpenCase, open_case
 from shadowbench.rows import ResultRow
 
@@ -27,8 +28,23 @@ def levels(opened: OpenCase) -> NDArray[np.uint8]:
 
 
 def computed_levels(row: ResultRow, cache: Path) -> NDArray[np.uint8]:
-    """Run a case once more and return its :func:`levels`; ``cache`` keeps scenes and truths."""
-    return levels(open_case(row, cache, tell_changes=False))
+    """Run a case of a run that is to be published once more and return its :func:`levels`.
+
+    Args:
+        row: The case's.
+        cache: A results folder, whose cache keeps scenes and truths.
+
+    Raises:
+        UsageError: Hard visibility has other bits than when the run was measured.
+        ShadowbenchError: The case cannot be computed.
+    """
+    opened = open_case(row, cache, tell_changes=False)
+    if opened.digest != row.visibility_digest and row.reference_error is None:
+        raise UsageError(
+            f"run {row.run_id} cannot be published: case {row.case_key} ({row.method} on {row.scene}) gives other"
+            " visibility than when it was measured; measure it again"
+        )
+    return levels(opened)
 
 
 def differences(row: ResultRow, published: NDArray[np.uint8], cache: Path) -> list[str]:

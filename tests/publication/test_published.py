@@ -6,6 +6,7 @@ import csv
 import json
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from PIL import Image
 from shadowbench.cli import main
 from shadowbench.errors import UsageError
 from shadowbench.experiment import builtin_names
+from shadowbench.inspection.opening import open_case
 from shadowbench.publication.folder import read_rows, read_sample
 
 PROJECT_RESULTS = Path(__file__).parents[2] / "results"
@@ -116,6 +118,39 @@ def test_the_page_shows_tables_pictures_and_no_folder_of_this_machine(published:
             assert image.width > image.height
     for file in (*published.rglob("*.md"), *published.rglob("*.csv"), *published.rglob("*.json")):
         assert str(published.parent) not in file.read_text(encoding="utf-8")
+
+
+def test_nothing_but_published_pages_is_replaced(published: Path, tmp_path: Path) -> None:
+    results = published.parent / "store"
+    (tmp_path / "ad-hoc").mkdir()
+    (tmp_path / "ad-hoc" / "thesis.tex").write_text("years of work", encoding="utf-8")
+    assert main(["publish", "latest", "--results", str(results), "--to", str(tmp_path)]) == 2
+    assert [file.name for file in tmp_path.rglob("*") if file.is_file()] == ["thesis.tex"]
+
+
+def test_a_run_of_other_code_is_not_published(published: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    real = open_case
+
+    def changed(*arguments: Any, **options: Any) -> Any:
+        return replace(real(*arguments, **options), digest="other")
+
+    monkeypatch.setattr("shadowbench.publication.holding.open_case", changed)
+    results = published.parent / "store"
+    assert main(["publish", "latest", "--results", str(results), "--to", str(tmp_path / "to")]) == 2
+
+
+def test_without_a_run_every_experiment_is_measured_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "small.toml"
+    file.write_text(
+        'title = "Small"\nbudget = 0.2\n[[comparison]]\nscene = "box-on-plane"\nmethod = "shadow-map"\nsize = "64x48"\n',
+        encoding="utf-8",
+    )
+    monkeypatch.setattr(
+        "shadowbench.experiment_groups.expanded", lambda names: [str(file)] if names == ("all",) else []
+    )
+    to = tmp_path / "pages"
+    assert main(["publish", "--results", str(tmp_path / "store"), "--to", str(to)]) == 0
+    assert [row.method for row in read_rows(to)] == ["shadow-map"]
 
 
 def test_a_damaged_row_is_named_by_file_and_line(copy: Path) -> None:
