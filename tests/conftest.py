@@ -1,9 +1,10 @@
-"""How many processes run the tests, and databases for tests of the store and of what stands on it."""
+"""How tests are run, and databases for tests of the store and of what stands on it."""
 
 from __future__ import annotations
 
 import itertools
 import os
+import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -15,6 +16,15 @@ from shadowbench.store import DATABASE_NAME, Store
 DATABASES = ("sqlite", "postgresql")
 
 _numbers = itertools.count()
+
+
+def pytest_configure() -> None:
+    """Take Ctrl-C as a program in the foreground does, even where the tests were started in the background.
+
+    A shell without job control has what it starts with ``&`` ignore SIGINT, which all children inherit.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
