@@ -142,7 +142,7 @@ def test_a_run_of_other_code_is_not_published(published: Path, tmp_path: Path, m
 def test_without_a_run_every_experiment_is_measured_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = tmp_path / "small.toml"
     file.write_text(
-        'title = "Small"\nbudget = 0.2\n[[comparison]]\nscene = "box-on-plane"\nmethod = "shadow-map"\nsize = "64x48"\n',
+        'title = "S"\nbudget = 0.2\n[[comparison]]\nscene = "box-on-plane"\nmethod = "shadow-map"\nsize = "64x48"\n',
         encoding="utf-8",
     )
     monkeypatch.setattr(
