@@ -17,12 +17,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import shadowbench
 from shadowbench.imported_code import data_files, imported_files
 from shadowbench.machine_state import available_cores as available_cores  # noqa: PLC0414 - everybody's, from here
 from shadowbench.machine_state import load_average, settings
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 _KEY_LENGTH = 20
 """Hex digits of a key: 80 bits, so that a million results meet by chance once in 10^12 collections."""
@@ -46,6 +50,17 @@ def file_digest(file: Path) -> str:
     """
     with file.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()[:_KEY_LENGTH]
+
+
+def visibility_digest(visibility: NDArray[np.float32], valid: NDArray[np.bool_]) -> str:
+    """Return a digest of the bits of a result: equal digests, equal visibility.
+
+    Args:
+        visibility: Of every receiver, shape [n] or [n, 3].
+        valid: The receivers that count, shape [n].
+    """
+    seen = visibility if valid.all() else visibility[valid]
+    return hashlib.blake2b(seen.tobytes(), digest_size=_KEY_LENGTH // 2).hexdigest()
 
 
 def content_digest(value: Any) -> str:

@@ -6,7 +6,6 @@ seen may differ where code changed: :attr:`OpenCase.notes` says so.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
@@ -21,7 +20,7 @@ from shadowbench.choices import Choice
 from shadowbench.device.launch import Context
 from shadowbench.errors import PluginError, SceneError, ShadowbenchError, UsageError, did_you_mean
 from shadowbench.experiment import Comparison, Experiment
-from shadowbench.identity import available_cores
+from shadowbench.identity import available_cores, visibility_digest
 from shadowbench.inspection import kept_visibility
 from shadowbench.light_space import camera_frame
 from shadowbench.method import Changes, Method, Trace
@@ -254,7 +253,7 @@ def _frame(method: Method, seen: OpenView, context: Context) -> tuple[NDArray[np
     method.shade(receivers, visibility, trace)
     method.explain(receivers, trace)
     written: NDArray[np.float32] = visibility.numpy().copy()
-    digest = hashlib.blake2b(written[receivers.valid].tobytes(), digest_size=10).hexdigest()
+    digest = visibility_digest(written, receivers.valid)
     written[~seen.reference.in_field] = 0.0  # as the harness does
     return written, digest, trace
 

@@ -7,7 +7,6 @@ its own or beside the case that it is compared with.
 from __future__ import annotations
 
 import datetime as dt
-import hashlib
 import math
 import secrets
 from dataclasses import asdict
@@ -18,7 +17,7 @@ from numpy.typing import NDArray
 
 from shadowbench.device.launch import Context
 from shadowbench.filtered_reference import FilteredReference, filtered_reference
-from shadowbench.identity import available_cores, code_version, environment, key_of, machine
+from shadowbench.identity import available_cores, code_version, environment, key_of, machine, visibility_digest
 from shadowbench.inspection import kept_visibility
 from shadowbench.inspection.opening import OpenView
 from shadowbench.light_space_kernel import LightSpaceKernel
@@ -86,7 +85,7 @@ def score(
     found = measure(world, receivers, reference, visibility, {})
     columns = found.columns | measure_likeness(receivers, reference, visibility, filtered=aim)
     pictures = case_pictures(world, seen.light, receivers, reference, visibility, found.masks, {}, filtered=aim)
-    digest = hashlib.blake2b(visibility[receivers.valid].tobytes(), digest_size=10).hexdigest()
+    digest = visibility_digest(visibility, receivers.valid)
     pictures[kept_visibility.ARTIFACT] = kept_visibility.written(visibility)
     run = _own_run(name, seen, argv) if beside is None else _with_one_more(store, beside.run_id)
     store.start_run(run)

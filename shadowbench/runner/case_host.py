@@ -7,7 +7,6 @@ each, the result is held to the contract of :class:`shadowbench.method.Method` a
 from __future__ import annotations
 
 import gc
-import hashlib
 import math
 import os
 import time
@@ -24,6 +23,7 @@ from numpy.typing import NDArray
 from shadowbench.contract import filter_breaches, visibility_breaches
 from shadowbench.device.launch import Context, synchronize
 from shadowbench.errors import InvalidResultError
+from shadowbench.identity import visibility_digest
 from shadowbench.method import Method, Trace, View
 from shadowbench.metrics import measure, measure_likeness
 from shadowbench.motion import Moment, everything_changed, moment_before
@@ -304,8 +304,7 @@ class CaseHost:
         assert self._method is not None
         visibility = self._visibility.numpy()
         valid = self._receivers.valid
-        seen = visibility if valid.all() else visibility[valid]
-        digest = hashlib.blake2b(seen.tobytes(), digest_size=10).hexdigest()
+        digest = visibility_digest(visibility, valid)
         if self._first is None:
             for breach in visibility_breaches(visibility, self._receivers):
                 raise InvalidResultError(breach)
