@@ -19,12 +19,13 @@ _numbers = itertools.count()
 
 
 def pytest_configure() -> None:
-    """Take Ctrl-C as a program in the foreground does, even where the tests were started in the background.
+    """Take signals as a program in the foreground does, even where the tests were started in the background.
 
-    A shell without job control has what it starts with ``&`` ignore SIGINT, which all children inherit.
+    A shell without job control has what it starts with ``&`` ignore SIGINT, and nohup SIGHUP; all children inherit it.
     """
-    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+    for number, usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
+        if signal.getsignal(number) is signal.SIG_IGN:
+            signal.signal(number, usual)
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
