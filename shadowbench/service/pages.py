@@ -135,7 +135,7 @@ _READ_RESPONSES: dict[str, dict[int | str, dict[str, Any]]] = {
 
 
 def _as_json(name: str) -> dict[str, Any]:
-    return {"description": "As JSON.", "content": schemas.content(schemas.ANSWERS.get(name))}
+    return {"description": "As JSON.", "content": schemas.content(schemas.ANSWERS[name])}
 
 
 def _named(function: functools.partial[Any], name: str) -> Callable[..., Any]:

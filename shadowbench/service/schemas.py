@@ -9,10 +9,11 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 from fastapi import FastAPI
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 from pydantic.json_schema import models_json_schema
 
 from shadowbench.rows import Outcome, ResultRow, RunRecord, RunStatus
+from shadowbench.service.side_by_side_schemas import Comparison, History, Leaderboard, Said
 from shadowbench.store.artifacts import ARTIFACT_NAME
 from shadowbench.store.documents import MOST_ROWS, RUN_ID
 from shadowbench.store.uploads import Kept
@@ -24,10 +25,6 @@ MOST_NAMES = 100_000
 _REFERENCE = "#/components/schemas/{model}"
 
 _ArtifactName = Annotated[str, Field(pattern=f"^{ARTIFACT_NAME.pattern}$")]
-
-
-class _Said(BaseModel):
-    model_config = ConfigDict(extra="forbid")
 
 
 class Row(ResultRow):
@@ -51,7 +48,7 @@ class EndedRun(RunRecord):
     finished_at: str = Field(description="end, ISO 8601, UTC")
 
 
-class RunUpload(_Said):
+class RunUpload(Said):
     """A run and all its rows."""
 
     run: EndedRun
@@ -60,25 +57,25 @@ class RunUpload(_Said):
     )
 
 
-class ArtifactNames(_Said):
+class ArtifactNames(Said):
     """Names of pictures: SHA-256 and suffix."""
 
     names: list[str] = Field(max_length=MOST_NAMES)
 
 
-class MissingArtifacts(_Said):
+class MissingArtifacts(Said):
     """Those of them that the service does not have."""
 
     missing: list[str]
 
 
-class KeptPicture(_Said):
+class KeptPicture(Said):
     """A picture that is on the disk."""
 
     name: str
 
 
-class KeptRun(_Said):
+class KeptRun(Said):
     """A run that is on the disk."""
 
     run_id: str
@@ -87,7 +84,7 @@ class KeptRun(_Said):
     digest: str = Field(description="SHA-256 of the run's and its rows' documents")
 
 
-class ListedRun(_Said):
+class ListedRun(Said):
     """A run as lists show it."""
 
     run_id: str
@@ -103,7 +100,7 @@ class ListedRun(_Said):
     is_uploaded: bool
 
 
-class RunPage(_Said):
+class RunPage(Said):
     """Some runs, newest first."""
 
     runs: list[ListedRun]
@@ -111,7 +108,7 @@ class RunPage(_Said):
     next: str | None = Field(description="what `after` must be for the next page")
 
 
-class ClaimVerdict(_Said):
+class ClaimVerdict(Said):
     """What a paper claims, and whether it holds."""
 
     name: str
@@ -123,14 +120,14 @@ class ClaimVerdict(_Said):
     case_keys: list[str]
 
 
-class RunClaims(_Said):
+class RunClaims(Said):
     """The claims of a run's experiments."""
 
     run_id: str
     claims: list[ClaimVerdict]
 
 
-class WholeRun(_Said):
+class WholeRun(Said):
     """A run with its rows, without their samples."""
 
     run: RunRecord
@@ -138,19 +135,19 @@ class WholeRun(_Said):
     claims: list[ClaimVerdict]
 
 
-class ExperimentNames(_Said):
+class ExperimentNames(Said):
     """All experiments."""
 
     experiments: list[str]
 
 
-class MethodNames(_Said):
+class MethodNames(Said):
     """All methods."""
 
     methods: list[str]
 
 
-class Machine(_Said):
+class Machine(Said):
     """A machine with what it was at its last run."""
 
     machine: str
@@ -161,13 +158,13 @@ class Machine(_Said):
     environment: dict[str, Any]
 
 
-class Machines(_Said):
+class Machines(Said):
     """All machines."""
 
     machines: list[Machine]
 
 
-class Health(_Said):
+class Health(Said):
     """The service runs and reaches its database."""
 
     status: str
@@ -180,10 +177,13 @@ ANSWERS: dict[str, type[BaseModel]] = {
     "claims": RunClaims,
     "case": Row,
     "experiments": ExperimentNames,
+    "leaderboard": Leaderboard,
     "methods": MethodNames,
+    "history": History,
     "machines": Machines,
+    "compare": Comparison,
 }
-"""What routes for readers answer as JSON; the others' documents have no fixed shape."""
+"""What each route for readers answers as JSON."""
 
 _MODELS: tuple[type[BaseModel], ...] = (
     RunUpload,
@@ -196,10 +196,9 @@ _MODELS: tuple[type[BaseModel], ...] = (
 )
 
 
-def content(model: type[BaseModel] | None) -> dict[str, Any]:
+def content(model: type[BaseModel]) -> dict[str, Any]:
     """Return the part of an OpenAPI document that says what a JSON body is."""
-    schema = {"type": "object"} if model is None else {"$ref": _REFERENCE.format(model=model.__name__)}
-    return {"application/json": {"schema": schema}}
+    return {"application/json": {"schema": {"$ref": _REFERENCE.format(model=model.__name__)}}}
 
 
 def install(app: FastAPI) -> None:

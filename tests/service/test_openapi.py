@@ -155,3 +155,62 @@ def test_answers_are_what_the_description_says(filled) -> None:
     for (path, method), answer in found.items():
         schema = answer_schema(document, path, method, str(answer.status_code))
         assert faults(document, schema, answer.json()) == [], path
+
+
+def test_leaderboards_histories_and_comparisons_are_what_the_description_says(service) -> None:
+    from stored_rows import some_row, some_run
+
+    samples = {"build": [1.0, 1.1, 0.9] * 4, "shade": [1.5, 1.6, 1.4] * 4}
+    for number in range(3):
+        slower = {name: [time * (1 + number) for time in times] for name, times in samples.items()}
+        own = {"run_id": f"run-{number}", "machine": "alpha", "code_version": f"1.{number}"}
+        measured = own | {"samples": slower, "counters": {"texels": 10 + number}, "kept": {"map": 100 + number}}
+        rows = [
+            some_row("pcf", **measured, failure_count=number, visibility_digest=f"{number}", rounds=12),
+            some_row("esm", **own, outcome="skipped", reason="no kernel"),
+            some_row(f"only-{number}", **own, failure_percent=None, dynamic_frame_ms=None),
+        ]
+        assert service.put(some_run(**own, created_at=f"2026-01-0{number + 1}T00:00:00+00:00"), rows).status_code == 201
+    document = service.client.get("/api/openapi.json").json()
+    asked = {
+        "/api/v1/experiments/{experiment}/leaderboard": ["/api/v1/experiments/quick/leaderboard"],
+        "/api/v1/methods/{method}/history": [
+            f"/api/v1/methods/{method}/history?measure={measure}"
+            for method, measure in (("pcf", "build_ms"), ("pcf", "rmse"), ("esm", "build_ms"), ("only-1", "bytes_kept"))
+        ],
+        "/api/v1/compare": [f"/api/v1/compare?a=run-{a}&b=run-{b}" for a, b in ((0, 2), (2, 0), (1, 1))],
+    }
+    found = {}
+    for path, addresses in asked.items():
+        schema = answer_schema(document, path)
+        for address in addresses:
+            found[address] = service.client.get(address).json()
+            assert faults(document, schema, found[address]) == [], address
+            for name in found[address]:
+                left_out = {key: value for key, value in found[address].items() if key != name}
+                assert faults(document, schema, left_out), (address, name)
+            assert faults(document, schema, found[address] | {"more": 1})
+    compared = {case["method"]: case for case in found["/api/v1/compare?a=run-0&b=run-2"]["cases"]}
+    assert all(compared["pcf"][name] for name in ("counts", "counters", "memory", "times", "changed"))
+    assert compared["only-0"]["case_key_b"] is None
+
+
+def test_no_answer_is_described_as_any_object(described) -> None:
+    document = described.raw_schema
+    for path, methods in document["paths"].items():
+        for method, operation in methods.items():
+            for status, answer in operation["responses"].items():
+                said = answer.get("content", {}).get("application/json")
+                assert said is None or "$ref" in said["schema"], (path, method, status)
+    for name, model in document["components"]["schemas"].items():
+        assert model.get("properties") or model.get("enum"), name
+
+
+def test_columns_of_rows_bring_their_meaning_and_unit_into_leaderboards(described) -> None:
+    from shadowbench.rows import ResultRow, column_unit
+
+    parts = described.raw_schema["components"]["schemas"]
+    for name, own in (parts["VersionQuality"]["properties"] | parts["VersionTimes"]["properties"]).items():
+        if name in ResultRow.model_fields:
+            assert own.get("description", "") == (ResultRow.model_fields[name].description or "")
+            assert own.get("unit", "") == column_unit(name)
