@@ -91,8 +91,8 @@ def _environment() -> Environment:
         brief=shortened,
         tone=_tone,
         mark=_mark,
-        verdict_tone=_verdict_tone,
-        verdict_mark=_verdict_mark,
+        verdict_tone=verdict_tone,
+        verdict_mark=verdict_mark,
         header_groups=_header_groups,
         case_links=_case_links,
         own_lines=_own_lines,
@@ -128,11 +128,11 @@ def _mark(outcome: Outcome) -> str:
     return "\u2715" if outcome.is_failure else "\u2713" if outcome is Outcome.OK else "\u2013"
 
 
-def _verdict_tone(verdict: Verdict) -> str:
+def verdict_tone(verdict: Verdict) -> str:
     return {Verdict.HOLDS: "is-ok", Verdict.DOES_NOT_HOLD: "is-failed"}.get(verdict, "is-skipped")
 
 
-def _verdict_mark(verdict: Verdict) -> str:
+def verdict_mark(verdict: Verdict) -> str:
     return {Verdict.HOLDS: "\u2713", Verdict.DOES_NOT_HOLD: "\u2715"}.get(verdict, "?")
 
 

@@ -10,7 +10,7 @@ from shadowbench import tables
 from shadowbench.errors import ExperimentError
 from shadowbench.report.cards import reproduce_command
 from shadowbench.report.summary import flattened
-from shadowbench.rows import ResultRow, RunRecord, method_label
+from shadowbench.rows import ResultRow, RunRecord
 from shadowbench.service.problems import Problem
 from shadowbench.service.responding import Answer
 from shadowbench.service.standings import view_title
@@ -114,7 +114,7 @@ def case(store: Store, run_id: str, case_key: str, experiment: str) -> Answer:
     content = {
         "row": row,
         "run": record,
-        "label": method_label(row.method, row.method_parameters),
+        "label": Labels("method", [row], defaults=record.method_defaults).of(row),
         "view": view_title({name: getattr(row, name) for name in VIEW_FIELDS}),
         "command": reproduce_command(row),
         "others": [other.experiment for other in found[1:]],
@@ -144,6 +144,12 @@ def machines(catalogue: Catalogue) -> Answer:
     return Answer("machines.html", {"machines": found}, header, lines, {"environments": facts})
 
 
+def choose(catalogue: Catalogue, a: str, b: str) -> Answer:
+    """Return what there is to compare: the newest runs, and what was chosen already."""
+    found = [_run_line(run) for run in catalogue.runs(RunFilter(), limit=MOST_RUNS_A_PAGE)]
+    return Answer("choose.html", {"runs": found, "a": a, "b": b})
+
+
 def compare(store: Store, a: str, b: str) -> Answer:
     """Return what changed from one run to another."""
     before, after = find_run(store, a), find_run(store, b)
@@ -153,5 +159,7 @@ def compare(store: Store, a: str, b: str) -> Answer:
     lines = [[each[name] for name in header] for each in document["cases"]]
     rows = [each.row for each in found.cases]
     labels = Labels("method", rows, defaults=before.method_defaults | after.method_defaults)
-    content = {"labels": [labels.of(row) for row in rows], "summaries": found.summaries}
+    in_both = [case.before is not None and case.after is not None for case in found.cases]
+    order = sorted(range(len(rows)), key=lambda place: (not in_both[place], found.cases[place].is_unchanged))
+    content = {"labels": [labels.of(row) for row in rows], "summaries": found.summaries, "order": order}
     return Answer("compare.html", document, header, lines, content)

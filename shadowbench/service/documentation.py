@@ -1,4 +1,4 @@
-"""The API's own page, from files of this package: nothing is loaded from elsewhere."""
+"""The API's own page and the site's icon, from files of this package: nothing is loaded from elsewhere."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ def install(app: FastAPI) -> None:
     routes = APIRouter(include_in_schema=False)
     routes.add_api_route("/api/docs", page)
     routes.add_api_route("/api/docs/{name}", file)
+    routes.add_api_route("/favicon.ico", icon)
     app.include_router(routes)
 
 
@@ -37,6 +38,14 @@ def file(name: str) -> Response:
     """Return one of its files."""
     if name not in _FILES:
         raise Problem(404, "there is no such file")
-    content = Path(str(resources.files("shadowbench.service"))).joinpath("static", "swagger-ui", name).read_bytes()
-    headers = {"Cache-Control": "public, max-age=86400"}
-    return Response(content, headers=headers, media_type=_FILES[name])
+    return _static(f"swagger-ui/{name}", _FILES[name])
+
+
+def icon() -> Response:
+    """Return the picture that browsers show beside a page's title."""
+    return _static("icon.svg", "image/svg+xml")
+
+
+def _static(name: str, media_type: str) -> Response:
+    content = Path(str(resources.files("shadowbench.service"))).joinpath("static", name).read_bytes()
+    return Response(content, headers={"Cache-Control": "public, max-age=86400"}, media_type=media_type)

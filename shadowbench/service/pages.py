@@ -41,7 +41,8 @@ def install(
     pages.add_api_route("/", routes.first, include_in_schema=False)
     for path, name in _PAGES.items():
         for form in FORMS[::-1]:  # names that end in .json or .csv come before the ones that may hold anything
-            make = functools.partial(getattr(routes, name), form=form)
+            said = _CHOOSING.get(name, name) if form == "html" else name
+            make = functools.partial(getattr(routes, said), form=form)
             shown = path if form == "html" else f"{path}.{form}"
             pages.add_api_route(shown, _named(make, f"{name}_{form}"), include_in_schema=False)
     for path, name in _API.items():
@@ -83,6 +84,9 @@ _PAGES = {
     "/machines": "machines",
     "/compare": "compare",
 }
+
+_CHOOSING = {"compare": "choose"}
+"""Pages that let a reader choose what JSON and CSV must be told."""
 
 _API = {
     "/runs": "runs",
@@ -254,6 +258,12 @@ class _Routes:
     def compare(self, request: Request, a: Text, b: Text, *, form: str) -> Response:
         """What changed from run `a` to run `b`."""
         return self._say(request, form, lambda: answers.compare(self.store, a, b))
+
+    def choose(self, request: Request, *, form: str, a: Text = "", b: Text = "") -> Response:
+        """What changed from run `a` to run `b`, or a form that asks which they are."""
+        if a and b:
+            return self.compare(request, a, b, form=form)
+        return self._say(request, form, lambda: answers.choose(self.catalogue, a, b))
 
     def report(self, run_id: str) -> Response:
         """Return the one-file report of a run."""

@@ -48,7 +48,9 @@ def install(app: FastAPI) -> None:
     async def http(request: Request, error: Exception) -> Response:
         assert isinstance(error, HTTPException)
         members = error.members if isinstance(error, Problem) else {}
-        return _answer(request, error.status_code, error.detail, members, dict(error.headers or {}))
+        is_nowhere = error.status_code == HTTPStatus.NOT_FOUND and error.detail == HTTPStatus.NOT_FOUND.phrase
+        detail = "there is nothing at this address" if is_nowhere else error.detail
+        return _answer(request, error.status_code, detail, members, dict(error.headers or {}))
 
     async def invalid(request: Request, error: Exception) -> Response:
         assert isinstance(error, RequestValidationError)

@@ -13,9 +13,10 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 import shadowbench
-from shadowbench.report import wording
+from shadowbench.report import page, wording
 from shadowbench.rows import OUTCOME_MEANINGS, Outcome
 from shadowbench.tables.columns import header_text, header_unit
+from shadowbench.tables.decisions import Verdict
 
 
 def _file(package: str, name: str) -> str:
@@ -25,6 +26,9 @@ def _file(package: str, name: str) -> str:
 def _hash(text: str) -> str:
     return "sha256-" + base64.b64encode(hashlib.sha256(text.encode("utf-8")).digest()).decode("ascii")
 
+
+DOCS_STYLE = _file("shadowbench.service", "docs.css")
+"""Of the API's page, beside the style that its script brings."""
 
 STYLE = _file("shadowbench.report", "report.css") + _file("shadowbench.service", "service.css")
 SCRIPT = '"use strict";\n' + _file("shadowbench.report", "tables.js") + _file("shadowbench.service", "service.js")
@@ -70,9 +74,13 @@ def _environment() -> Environment:
         mark=_mark,
         heading=_heading,
         measure=_measure,
+        picture_title=_picture_title,
+        verdict_tone=lambda verdict: page.verdict_tone(Verdict(verdict)),
+        verdict_mark=lambda verdict: page.verdict_mark(Verdict(verdict)),
         zip=lambda first, second: list(zip(first, second, strict=True)),
     )
     environment.globals.update(
+        docs_style=Markup(DOCS_STYLE),  # noqa: S704 - a file of this program
         style=Markup(STYLE),  # noqa: S704 - files of this program
         script=Markup(SCRIPT),  # noqa: S704
         meanings=OUTCOME_MEANINGS,
@@ -95,6 +103,11 @@ def _tone(outcome: str) -> str:
 
 def _mark(outcome: str) -> str:
     return "\u2715" if Outcome(outcome).is_failure else "\u2713" if outcome == Outcome.OK else "\u2013"
+
+
+def _picture_title(name: str) -> str:
+    kind, _, rest = name.partition("-")
+    return f"{'mask of ' if kind == 'mask' else ''}{rest.replace('-', ' ')}" if rest else name
 
 
 def _heading(column: str) -> str:

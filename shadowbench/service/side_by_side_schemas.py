@@ -13,7 +13,6 @@ from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
-from shadowbench import statistics
 from shadowbench.rows import Outcome, ResultRow
 from shadowbench.tables.comparing import Kind, Pixels
 
@@ -201,7 +200,7 @@ class ComparedTime(Said):
     ratio: float = Field(description="B / A, estimated from all samples: below 1 is faster")
     low: float | None = Field(description="lower end of the ratio's interval; null if there is none")
     high: float | None = Field(description="upper end of it")
-    verdict: str = Field(json_schema_extra={"enum": [verdict.value for verdict in statistics.Verdict]})
+    verdict: Literal["faster", "slower", "no difference shown"]
 
 
 _Numbers = dict[str, tuple[int | None, int | None]]

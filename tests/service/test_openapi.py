@@ -206,10 +206,12 @@ def test_no_answer_is_described_as_any_object(described) -> None:
         assert model.get("properties") or model.get("enum"), name
 
 
-def test_columns_of_rows_bring_their_meaning_and_unit_into_leaderboards(described) -> None:
+def test_leaderboards_and_comparisons_have_the_meanings_units_and_words_of_what_they_show(described) -> None:
     from shadowbench.rows import ResultRow, column_unit
+    from shadowbench.statistics import Verdict
 
     parts = described.raw_schema["components"]["schemas"]
+    assert set(parts["ComparedTime"]["properties"]["verdict"]["enum"]) == set(Verdict)
     for name, own in (parts["VersionQuality"]["properties"] | parts["VersionTimes"]["properties"]).items():
         if name in ResultRow.model_fields:
             assert own.get("description", "") == (ResultRow.model_fields[name].description or "")

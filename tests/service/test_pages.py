@@ -206,6 +206,37 @@ def test_what_is_not_there_is_a_page_or_a_problem(filled: Service) -> None:
     assert filled.client.get("/experiments/quick.json?view=none").status_code == 404
 
 
+def test_a_problem_on_a_page_is_in_words_and_leads_on(filled: Service) -> None:
+    page = filled.client.get("/nowhere", headers={"Accept": "text/html"}).text
+    assert "there is nothing at this address" in page
+    assert '<a href="/runs">' in page
+    assert filled.client.get("/favicon.ico").headers["content-type"] == "image/svg+xml"
+
+
+def test_a_comparison_asks_for_the_runs_that_it_was_not_told(filled: Service) -> None:
+    page = filled.client.get("/compare?a=run-0")
+    assert page.status_code == 200
+    assert 'name="a" value="run-0"' in page.text
+    assert '<option value="run-2">' in page.text
+    assert filled.client.get("/compare.json?a=run-0").status_code == 422
+
+
+def test_what_changed_comes_first_in_a_comparison(service: Service) -> None:
+    for run_id, failures in (("a", 10), ("b", 12)):
+        same = some_row("esm", run_id=run_id, case_key="e", visibility_digest="z")
+        other = some_row("pcf", run_id=run_id, case_key="p", failure_count=failures, visibility_digest=run_id)
+        service.put(some_run(run_id=run_id), [some_row(f"only-{run_id}", run_id=run_id), same, other])
+    lines = service.client.get("/compare?a=a&b=b").text.partition('id="compared"')[2].split("<tr>")[2:]
+    assert [line.partition('<th scope="row">')[2].split()[0] for line in lines] == ["pcf", "esm", "only-a", "only-b"]
+
+
+def test_a_case_is_called_by_what_is_not_its_methods_default(service: Service) -> None:
+    defaults = {"pcf": {"resolution": 512, "kernel": 3}}
+    row = some_row("pcf", case_key="c", method_parameters={"resolution": 512, "kernel": 7})
+    service.put(some_run(method_defaults=defaults), [row])
+    assert "<h1>pcf(kernel=7)</h1>" in service.client.get(f"/runs/{row.run_id}/cases/c").text
+
+
 def test_a_run_in_progress_is_shown_as_such(make_service: Maker) -> None:
     service = make_service()
     service.store.start_run(some_run(status="running", finished_at=None, case_count=5))

@@ -23,7 +23,7 @@ function sortBy(heading, column) {
 for (const table of document.querySelectorAll("table.sortable")) {
   const headings = table.tHead.rows[table.tHead.rows.length - 1].cells;
   [...headings].forEach((heading, column) => {
-    if (heading.tagName !== "TH" || heading.colSpan > 1) return;
+    if (heading.tagName !== "TH" || heading.colSpan > 1 || heading.classList.contains("unsorted")) return;
     const button = document.createElement("button");
     button.type = "button";
     button.append(...heading.childNodes);
