@@ -26,7 +26,7 @@ from shadowbench.service.settings import Settings
 from shadowbench.service.telemetry import Telemetry
 from shadowbench.store import Store
 from shadowbench.store.documents import DocumentError, parsed, rows_from_documents, run_from_document
-from shadowbench.store.uploads import Kept, add_to_audit, digest_of, missing_artifacts, put_run
+from shadowbench.store.uploads import Kept, digest_of, missing_artifacts, put_picture, put_run
 
 _SUFFIX = ".png"
 
@@ -132,7 +132,7 @@ def install(
 
 def _keep_picture(store: Store, settings: Settings, name: str, content: bytes, access: Access) -> bool:
     try:
-        path = store.artifacts.path(name)
+        store.artifacts.path(name)
     except StoreError as error:
         raise DocumentError("path.name", str(error)) from None
     if not name.endswith(_SUFFIX):
@@ -143,12 +143,7 @@ def _keep_picture(store: Store, settings: Settings, name: str, content: bytes, a
         check_png(content, settings.most_pixels)
     except PictureError as error:
         raise DocumentError("body", str(error)) from None
-    is_new = not path.is_file()
-    store.put_artifact(content, "png")
-    if is_new:
-        with store.session("note the upload", writes=True) as session:
-            add_to_audit(session, "picture created", name, access.uploader, f"{len(content)} bytes")
-    return is_new
+    return put_picture(store, content, access.uploader)
 
 
 def _keep_run(store: Store, run_id: str, content: bytes, access: Access) -> tuple[Kept, int, str]:

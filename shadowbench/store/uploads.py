@@ -97,6 +97,34 @@ def put_run(store: Store, run: RunRecord, rows: Sequence[ResultRow], uploader: U
     return kept
 
 
+def put_picture(store: Store, content: bytes, uploader: Uploader) -> bool:
+    """Keep a PNG file; on the disk, and in the audit trail, before this returns.
+
+    File and line are not one transaction: a request that fails or is killed between them leaves a file without a line.
+    So a file that is there already gets its line now if it has none; one that was measured here is found, too.
+
+    Returns:
+        Whether it is new.
+
+    Raises:
+        StoreError: It cannot be written. Sent again, it will be kept and have its line.
+    """
+    name = f"{hashlib.sha256(content).hexdigest()}.png"
+    is_new = not store.artifacts.path(name).is_file()
+    store.put_artifact(content, "png")
+    if is_new or not _is_in_audit(store, name):
+        with store.session("note the upload", writes=True) as session:
+            action = "picture created" if is_new else "picture found"
+            add_to_audit(session, action, name, uploader, f"{len(content)} bytes")
+    return is_new
+
+
+def _is_in_audit(store: Store, subject: str) -> bool:
+    table = StoredAudit.__table__
+    with store.session("look into the audit trail") as session:
+        return session.execute(select(table.c.id).where(table.c.subject == subject).limit(1)).first() is not None
+
+
 def missing_artifacts(store: Store, names: Sequence[str]) -> list[str]:
     """Return those of the names that the store has no file for."""
     return [name for name in names if not store.artifacts.path(name).is_file()]

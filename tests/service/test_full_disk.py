@@ -6,6 +6,7 @@ Mounting takes root and its capabilities: where it is not permitted these tests 
 
 from __future__ import annotations
 
+import hashlib
 import os
 import shutil
 import subprocess
@@ -147,7 +148,9 @@ def test_uploads_are_refused_and_leave_nothing_and_pass_when_there_is_room(fill,
         if service.settings.database is None:
             assert connection.exec_driver_sql("PRAGMA integrity_check").scalar() == "ok"
         subjects = set(connection.exec_driver_sql("SELECT subject FROM audit").scalars())
-    assert {"first", "second"} <= subjects
+    assert {"first", "second"} | {
+        f"{hashlib.sha256(content).hexdigest()}.png" for content in (png(1), LARGE)
+    } <= subjects
 
 
 def test_a_token_reads_while_the_disk_is_full_although_its_use_cannot_be_noted(fill, make_service: Maker) -> None:

@@ -196,6 +196,34 @@ def test_every_upload_is_in_the_audit_trail_with_token_and_address(service: Serv
     assert len({line[2] for line in lines[1:]}) == 1
 
 
+def test_what_was_refused_before_its_line_was_written_has_one_when_sent_again(
+    service: Service, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    from shadowbench.store import uploads
+
+    def no_room(*_: Any) -> None:
+        raise StorageFullError("disk full")
+
+    row = some_row()
+    caplog.set_level("INFO", "shadowbench.service")
+    with monkeypatch.context() as patched:
+        patched.setattr(uploads, "add_to_audit", no_room)
+        assert service.put_picture().status_code == 507
+        assert service.put(RUN, [row]).status_code == 507
+    assert sum("disk full" in record.getMessage() for record in caplog.records) == 2
+    requests = [record for record in caplog.records if record.getMessage() == "request"]
+    assert [(said["method"], said["status"]) for said in (vars(record)["said"] for record in requests)] == [
+        ("PUT", 507)
+    ] * 2
+    assert service.store.runs() == []
+    for _ in range(2):  # the second time changes nothing
+        picture, run = service.put_picture(), service.put(RUN, [row])
+        assert {picture.status_code, run.status_code} <= {200, 201}
+    with service.store.engine.connect() as connection:
+        subjects = list(connection.execute(text("SELECT subject FROM audit ORDER BY id")).scalars())
+    assert subjects[1:] == [picture.json()["name"], RUN.run_id]
+
+
 def test_pictures_are_served_as_encoded_here(service: Service) -> None:
     import io
 
