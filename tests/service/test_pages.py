@@ -230,6 +230,14 @@ def test_what_changed_comes_first_in_a_comparison(service: Service) -> None:
     assert [line.partition('<th scope="row">')[2].split()[0] for line in lines] == ["pcf", "esm", "only-a", "only-b"]
 
 
+def test_a_run_of_many_experiments_is_called_by_their_number_and_leads_to_each(service: Service) -> None:
+    names = [f"experiment-{number}" for number in range(6)]
+    service.put(some_run(experiments=names), [some_row(experiment=names[0])])
+    page = service.client.get(f"/runs/{some_run().run_id}").text
+    assert "<h1>6 experiments</h1>" in page
+    assert all(f'href="/experiments/{name}"' in page for name in names)
+
+
 def test_a_case_is_called_by_what_is_not_its_methods_default(service: Service) -> None:
     defaults = {"pcf": {"resolution": 512, "kernel": 3}}
     row = some_row("pcf", case_key="c", method_parameters={"resolution": 512, "kernel": 7})
