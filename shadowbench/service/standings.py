@@ -14,7 +14,8 @@ from typing import Any, cast
 from shadowbench.rows import ResultRow
 from shadowbench.service.problems import Problem
 from shadowbench.service.responding import Answer
-from shadowbench.store.catalogue import LIKENESSES, MEASURES, QUALITY_COLUMNS, TIME_COLUMNS, TIMES, Catalogue, View
+from shadowbench.store.catalogue import Catalogue, View
+from shadowbench.store.derived import LIKENESSES, MEASURES, QUALITY_COLUMNS, TIME_COLUMNS, TIMES
 from shadowbench.tables.labels import Labels
 
 MOST_VERSIONS = 4

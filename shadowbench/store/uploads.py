@@ -21,9 +21,10 @@ from shadowbench.rows import ResultRow, RunRecord
 from shadowbench.store.access_models import StoredAudit, StoredUpload
 from shadowbench.store.documents import artifact_names, row_document, run_document
 from shadowbench.store.inserting import insert_rows
-from shadowbench.store.models import StoredRun
+from shadowbench.store.models import StoredRow, StoredRun
 from shadowbench.store.records import row_values, run_values
 from shadowbench.store.results import Store
+from shadowbench.store.standings import delete_rows
 
 IMPORTED = "import"
 """Stands where a token would for runs that came from a file."""
@@ -123,6 +124,7 @@ def _make_room(session: Session, run_id: str, digest: str, uploader: Uploader) -
     if not uploader.may_replace and (earlier is None or earlier.token_id != uploader.token_id):
         whose = "was measured here" if earlier is None else "was uploaded with another token"
         raise ConflictError(f"run '{run_id}' is there already with other content, and {whose}")
+    delete_rows(session, StoredRow.__table__.c.run_id == run_id)
     session.execute(delete(StoredRun).where(table.c.run_id == run_id))
     session.expunge_all()
     return Kept.REPLACED

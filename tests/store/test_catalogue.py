@@ -10,7 +10,8 @@ from stored_rows import some_row, some_run
 
 from shadowbench.rows import Outcome
 from shadowbench.store import Store
-from shadowbench.store.catalogue import QUALITY_COLUMNS, TIME_COLUMNS, Catalogue, RunFilter
+from shadowbench.store.catalogue import Catalogue, RunFilter
+from shadowbench.store.derived import QUALITY_COLUMNS, TIME_COLUMNS
 from shadowbench.store.uploads import Uploader, put_run
 
 
