@@ -111,32 +111,28 @@ def _view(view: View) -> dict[str, Any]:
 
 def _lines(techniques: dict[str, dict[str, Any]], quality: Sequence[Any], times: Sequence[Any]) -> list[dict[str, Any]]:
     named = labels(techniques)
-    lines: dict[str, dict[str, Any]] = {}
+    grouped: dict[str, dict[str, list[Any]]] = {}
     for row in quality:
-        technique = techniques[row.technique_key] | {"key": row.technique_key, "label": named[row.technique_key]}
-        line = lines.setdefault(row.technique_key, {"technique": technique, "quality": {}, "time": {}})
-        _add_quality(line["quality"], row)
+        grouped.setdefault(row.technique_key, {}).setdefault(row.code_version, []).append(row)
+    lines = {
+        key: {
+            "technique": techniques[key] | {"key": key, "label": named[key]},
+            "quality": {version: _on_all_machines(rows) for version, rows in versions.items()},
+            "time": {},
+        }
+        for key, versions in grouped.items()
+    }
     for row in times:
-        lines[row.technique_key]["time"][row.code_version] = _time(row)
+        lines[row.technique_key]["time"][row.code_version] = row._asdict()
     return list(lines.values())
 
 
-def _add_quality(found: dict[str, Any], row: Any) -> None:
-    """Let a version's newest measured row stand for it, and count the machines that agree with it."""
-    values = row._asdict()
-    earlier = found.get(row.code_version)
-    if earlier is None:
-        found[row.code_version] = values | {"machines": 1, "differs": False}
-        return
-    digests = {digest for digest in (earlier["visibility_digest"], row.visibility_digest) if digest}
-    counts = {"machines": earlier["machines"] + 1, "differs": earlier["differs"] or len(digests) > 1}
-    is_better = (row.outcome == "ok", row.measured_at) > (earlier["outcome"] == "ok", earlier["measured_at"])
-    found[row.code_version] = (values if is_better else earlier) | counts
-
-
-def _time(row: Any) -> dict[str, Any]:
-    values: dict[str, Any] = row._asdict()
-    return values
+def _on_all_machines(rows: Sequence[Any]) -> dict[str, Any]:
+    """Let a version's newest measured row stand for it, and count the machines and tell whether they agree."""
+    newest = max(rows, key=lambda row: (row.outcome == "ok", row.measured_at))
+    digests = {row.visibility_digest for row in rows} - {""}
+    values: dict[str, Any] = newest._asdict()
+    return values | {"machines": len(rows), "differs": len(digests) > 1}
 
 
 def _place(line: dict[str, Any], sort: str, versions: Sequence[str]) -> tuple[bool, Any, str]:
