@@ -79,20 +79,32 @@ class Catalogue:
     def version(self) -> str:
         """Return a text that stays the same exactly while nothing in the database changes."""
         with self._lock, store_errors(self._store.place, "look for changes"):
-            if is_sqlite(self._store.engine):
-                if self._watching is None:  # one connection, which never writes: SQLite tells it of all others'
-                    self._watching = self._store.engine.raw_connection()
-                    self._watching.detach()
-                return str(self._watching.cursor().execute("PRAGMA data_version").fetchone()[0])
-            with self._store.engine.connect() as connection:
-                return str(connection.exec_driver_sql("SELECT pg_current_snapshot()::text").scalar())
+            if self._watching is not None:
+                try:
+                    return self._watched()
+                except self._store.engine.dialect.loaded_dbapi.Error:  # a server that was started again, say
+                    self._let_go()
+            watching = self._store.engine.raw_connection()
+            if not is_sqlite(self._store.engine):
+                watching.driver_connection.autocommit = True  # type: ignore[union-attr]
+            watching.detach()
+            self._watching = watching
+            return self._watched()
+
+    def _watched(self) -> str:
+        # asked over one connection, which never writes: SQLite tells it of the others' changes
+        question = "PRAGMA data_version" if is_sqlite(self._store.engine) else "SELECT pg_current_snapshot()::text"
+        return str(self._watching.cursor().execute(question).fetchone()[0])
 
     def close(self) -> None:
         """Let go of the connection that watches for changes."""
         with self._lock:
-            if self._watching is not None:
-                self._watching.close()
-                self._watching = None
+            self._let_go()
+
+    def _let_go(self) -> None:
+        if self._watching is not None:
+            self._watching.close()
+            self._watching = None
 
     def runs(self, wanted: RunFilter, *, limit: int, after: str = "") -> list[RunLine]:
         """Return runs, newest first, from the one behind ``after`` (a run's id) on."""

@@ -12,6 +12,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any
 
 from sqlalchemy import delete, insert, select
 from sqlalchemy.orm import Session
@@ -38,6 +39,16 @@ class Kept(StrEnum):
     UNCHANGED = "unchanged"
 
 
+@dataclass(frozen=True)
+class KeptRun:
+    """A run that was put into the store."""
+
+    kept: Kept
+    row_count: int
+    digest: str
+    """The SHA-256 of its documents."""
+
+
 class ConflictError(StoreError):
     """The run is there already and is somebody else's, or was measured here."""
 
@@ -52,6 +63,10 @@ class MissingArtifactsError(StoreError):
     def __init__(self, names: Sequence[str]) -> None:
         super().__init__(f"{len(names)} pictures or masks are not in the store, {names[0]} first")
         self.names = list(names)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Say how it is made again in another process."""
+        return type(self), (self.names,)
 
 
 @dataclass(frozen=True)
@@ -72,7 +87,7 @@ def digest_of(run: RunRecord, rows: Sequence[ResultRow]) -> str:
     return found.hexdigest()
 
 
-def put_run(store: Store, run: RunRecord, rows: Sequence[ResultRow], uploader: Uploader) -> Kept:
+def put_run(store: Store, run: RunRecord, rows: Sequence[ResultRow], uploader: Uploader) -> KeptRun:
     """Keep a run and all its rows in one transaction; on the disk before this returns.
 
     Raises:
@@ -89,13 +104,13 @@ def put_run(store: Store, run: RunRecord, rows: Sequence[ResultRow], uploader: U
     with store.session("keep the run", writes=True) as session:
         kept = _make_room(session, run.run_id, digest, uploader)
         if kept is Kept.UNCHANGED:
-            return kept
+            return KeptRun(kept, len(rows), digest)
         session.execute(insert(StoredRun).values(own))
         insert_rows(session, rows, others)
         upload = {"run_id": run.run_id, "digest": digest, "token_id": uploader.token_id, "uploaded_at": now()}
         session.execute(insert(StoredUpload).values(upload))
         add_to_audit(session, f"run {kept.value}", run.run_id, uploader, f"{len(rows)} rows, sha256 {digest}")
-    return kept
+    return KeptRun(kept, len(rows), digest)
 
 
 def missing_artifacts(store: Store, names: Sequence[str]) -> list[str]:

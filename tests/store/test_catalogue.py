@@ -129,3 +129,13 @@ def test_the_version_stays_while_nothing_changes_and_no_longer(catalogue: Catalo
         seen.add(catalogue.version())
         assert catalogue.version() in seen
     assert len(seen) == 4
+
+
+@pytest.mark.parametrize("database", ["postgresql"], indirect=True)
+def test_the_version_is_told_again_after_the_server_ended_its_connections(catalogue: Catalogue, store: Store) -> None:
+    before = catalogue.version()
+    with store.engine.connect() as connection:
+        others = "FROM pg_stat_activity WHERE datname = current_database() AND pid <> pg_backend_pid()"
+        ended = connection.exec_driver_sql(f"SELECT pg_terminate_backend(pid) {others}").scalars().all()
+    assert True in ended
+    assert catalogue.version() == before
