@@ -19,6 +19,7 @@ from shadowbench.store.derived import LIKENESSES, MEASURES, QUALITY_COLUMNS, TIM
 from shadowbench.tables.labels import Labels
 
 MOST_VERSIONS = 4
+_QUALITY = (*QUALITY_COLUMNS, "machines", "differs")
 SORTS = (*MEASURES, *LIKENESSES, *TIMES, "bytes_kept", "technique")
 _TOLD_APART = ("moving", "threads", "device")
 LARGER_IS_BETTER = frozenset({"ssim"})
@@ -54,8 +55,8 @@ def leaderboard(
     every = list(dict.fromkeys(place[1] for place in newest_first))
     shown = [version for version in every if version in versions] if versions else every[:MOST_VERSIONS]
     chosen_machine = machine if machine in machines else machines[0]
-    quality = catalogue.standings(experiment, chosen.view_key, QUALITY_COLUMNS, versions=shown)
-    times = catalogue.standings(experiment, chosen.view_key, TIME_COLUMNS, machine=chosen_machine, versions=shown)
+    quality = catalogue.quality_standings(experiment, chosen.view_key, shown)
+    times = catalogue.time_standings(experiment, chosen.view_key, chosen_machine, shown)
     lines = _lines(catalogue.techniques(experiment, chosen.view_key), quality, times)
     lines.sort(key=lambda line: _place(line, sort, shown))
     document = {
@@ -111,28 +112,15 @@ def _view(view: View) -> dict[str, Any]:
 
 def _lines(techniques: dict[str, dict[str, Any]], quality: Sequence[Any], times: Sequence[Any]) -> list[dict[str, Any]]:
     named = labels(techniques)
-    grouped: dict[str, dict[str, list[Any]]] = {}
+    lines: dict[str, dict[str, Any]] = {}
     for row in quality:
-        grouped.setdefault(row.technique_key, {}).setdefault(row.code_version, []).append(row)
-    lines = {
-        key: {
-            "technique": techniques[key] | {"key": key, "label": named[key]},
-            "quality": {version: _on_all_machines(rows) for version, rows in versions.items()},
-            "time": {},
-        }
-        for key, versions in grouped.items()
-    }
+        key = row.technique_key
+        if key not in lines:
+            lines[key] = {"technique": techniques[key] | {"key": key, "label": named[key]}, "quality": {}, "time": {}}
+        lines[key]["quality"][row.code_version] = dict(zip(_QUALITY, row, strict=True))
     for row in times:
-        lines[row.technique_key]["time"][row.code_version] = row._asdict()
+        lines[row.technique_key]["time"][row.code_version] = dict(zip(TIME_COLUMNS, row, strict=True))
     return list(lines.values())
-
-
-def _on_all_machines(rows: Sequence[Any]) -> dict[str, Any]:
-    """Let a version's newest measured row stand for it, and count the machines and tell whether they agree."""
-    newest = max(rows, key=lambda row: (row.outcome == "ok", row.measured_at))
-    digests = {row.visibility_digest for row in rows} - {""}
-    values: dict[str, Any] = newest._asdict()
-    return values | {"machines": len(rows), "differs": len(digests) > 1}
 
 
 def _place(line: dict[str, Any], sort: str, versions: Sequence[str]) -> tuple[bool, Any, str]:

@@ -12,12 +12,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import CTE, Row, RowMapping, Select, String, cast, func, literal, or_, select
+from sqlalchemy import CTE, Row, RowMapping, Select, String, and_, case, cast, false, func, literal, or_, select
 from sqlalchemy.orm import Session
 
 from shadowbench.rows import Outcome, RunStatus
 from shadowbench.store.access_models import StoredUpload
-from shadowbench.store.derived import TECHNIQUE_FIELDS, VIEW_FIELDS
+from shadowbench.store.derived import QUALITY_COLUMNS, TECHNIQUE_FIELDS, TIME_COLUMNS, VIEW_FIELDS
 from shadowbench.store.engine import is_sqlite, store_errors
 from shadowbench.store.models import StoredRow, StoredRun, StoredStanding
 from shadowbench.store.results import Store
@@ -175,31 +175,54 @@ class Catalogue:
             ]
         return sorted(found, key=lambda view: [str(value) for value in view.fields.values()])
 
-    def standings(
-        self,
-        experiment: str,
-        view_key: str,
-        columns: Sequence[str],
-        *,
-        machine: str = "",
-        versions: Sequence[str] | None = None,
-    ) -> list[Row[Any]]:
-        """Return the newest row of each technique, machine and version in a view.
+    def quality_standings(self, experiment: str, view_key: str, versions: Sequence[str]) -> list[Row[Any]]:
+        """Return the newest measured row of each technique and version in a view, whatever machine it is of.
+
+        Each has :data:`~shadowbench.store.derived.QUALITY_COLUMNS`, on how many ``machines`` the version was measured,
+        and whether pixels ``differ`` between them.
 
         Args:
             experiment: The experiment.
             view_key: The view.
-            columns: Which columns: :data:`QUALITY_COLUMNS` or :data:`TIME_COLUMNS`.
-            machine: Only this machine's.
-            versions: Only these versions'.
+            versions: Which versions' rows.
         """
-        query = select(*(_STANDINGS[name] for name in columns)).where(*_own(experiment, view_key))
-        if machine:
-            query = query.where(_STANDINGS.machine == machine)
-        if versions is not None:
-            query = query.where(_STANDINGS.code_version.in_(versions))
+        own = (*_own(experiment, view_key), _STANDINGS.code_version.in_(versions))
+        same = (_STANDINGS.technique_key, _STANDINGS.code_version)
+        rank = case((_STANDINGS.outcome == Outcome.OK.value, "1"), else_="0").concat(_STANDINGS.measured_at)
+        digest = func.nullif(_STANDINGS.visibility_digest, "")
+        best = (
+            select(
+                *same,
+                func.max(rank).label("rank"),
+                func.count().label("machines"),
+                func.coalesce(func.min(digest) != func.max(digest), false()).label("differs"),
+            )
+            .where(*own)
+            .group_by(*same)
+            .subquery()
+        )
+        is_best = and_(rank == best.c.rank, *(column == best.c[column.name] for column in same))
+        columns = (*(_STANDINGS[name] for name in QUALITY_COLUMNS), best.c.machines, best.c.differs)
+        query = select(*columns).join(best, is_best).where(*own).order_by(_STANDINGS.row_id.desc())
         with self._store.session("read the leaderboard") as session:
-            return list(session.execute(query.order_by(_STANDINGS.row_id)).all())
+            found = session.execute(query).all()
+        return list({(row.technique_key, row.code_version): row for row in found}.values())  # one of the same moment
+
+    def time_standings(self, experiment: str, view_key: str, machine: str, versions: Sequence[str]) -> list[Row[Any]]:
+        """Return the newest row of each technique and version in a view, on one machine.
+
+        Each has :data:`~shadowbench.store.derived.TIME_COLUMNS`.
+
+        Args:
+            experiment: The experiment.
+            view_key: The view.
+            machine: Whose rows.
+            versions: Which versions' rows.
+        """
+        query = select(*(_STANDINGS[name] for name in TIME_COLUMNS)).where(*_own(experiment, view_key))
+        query = query.where(_STANDINGS.machine == machine, _STANDINGS.code_version.in_(versions))
+        with self._store.session("read the leaderboard") as session:
+            return list(session.execute(query).all())
 
     def places(self, experiment: str, view_key: str) -> list[tuple[str, str, str]]:
         """Return the machines and versions that a view was measured on and with, and when last."""
