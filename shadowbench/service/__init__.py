@@ -7,6 +7,7 @@
     serving.py      the process: workers, signals, logs
     access.py       tokens and scopes; buckets.py: how often one may ask
     bodies.py       request bodies, read within limits; strictly validated uploads
+    keeping.py      uploads kept, in a process beside the one that serves
     pictures.py     PNG files decoded within limits and encoded again
     headers.py      security headers and content policies
     problems.py     errors as problem+json (RFC 9457) or as a page

@@ -15,6 +15,7 @@ from shadowbench.service import documentation, pages, problems, rendering, schem
 from shadowbench.service.access import Access, Doorkeeper, RateMiddleware
 from shadowbench.service.buckets import Buckets
 from shadowbench.service.headers import GuardMiddleware
+from shadowbench.service.keeping import Keeping, KeepingApart
 from shadowbench.service.settings import ENVIRONMENT, WRONG_TOKENS_A_SECOND, Settings
 from shadowbench.store import Store
 from shadowbench.store.catalogue import Catalogue
@@ -26,14 +27,19 @@ Reading may be open to all; uploading takes a token, sent as `Authorization: Bea
 `application/problem+json` (RFC 9457)."""
 
 
-def create_app(settings: Settings) -> FastAPI:
+def create_app(settings: Settings, *, keeps_apart: bool = False) -> FastAPI:
     """Return the application for a results folder, which is made, or upgraded, if need be.
+
+    Args:
+        settings: How it behaves.
+        keeps_apart: Whether a process beside this one keeps what is uploaded, so that readers need not wait for it.
 
     Raises:
         StoreError: The results cannot be opened.
     """
     store = Store.open(settings.results, database=settings.database)
     catalogue = Catalogue(store)
+    keeper = KeepingApart(settings) if keeps_apart else Keeping(store, settings.most_pixels)
 
     def buckets(rate: float, burst: int, name: str) -> Buckets:
         return Buckets(rate, burst, None if settings.shared is None else settings.shared / name)
@@ -44,6 +50,7 @@ def create_app(settings: Settings) -> FastAPI:
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
         yield
+        keeper.close()
         catalogue.close()
         store.close()
 
@@ -85,7 +92,7 @@ def create_app(settings: Settings) -> FastAPI:
 
     problems.install(app)
     documentation.install(app)
-    uploads.install(app, store, settings, seen, uploader)
+    uploads.install(app, store, keeper, settings, seen, uploader)
     pages.install(app, store, catalogue, settings, reader)
     schemas.install(app)
     # from the inside out: what is added last sees a request first
@@ -99,4 +106,4 @@ def create_app(settings: Settings) -> FastAPI:
 def from_environment() -> FastAPI:
     """Return the application that a worker process serves; its settings come through the environment."""
     telemetry.log_to_stderr()
-    return create_app(Settings.model_validate_json(os.environ[ENVIRONMENT]))
+    return create_app(Settings.model_validate_json(os.environ[ENVIRONMENT]), keeps_apart=True)

@@ -9,7 +9,8 @@ from typing import Any
 from shadowbench.service.problems import Problem
 from shadowbench.service.responding import Answer
 from shadowbench.service.standings import labels, view_title
-from shadowbench.store.catalogue import LIKENESSES, MEASURES, TIMES, Catalogue
+from shadowbench.store.catalogue import Catalogue
+from shadowbench.store.derived import LIKENESSES, MEASURES, TIMES
 from shadowbench.tables.change_points import change_points
 
 COLUMNS = (*TIMES, "bytes_kept", *MEASURES, *LIKENESSES)

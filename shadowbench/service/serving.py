@@ -50,7 +50,7 @@ def serve(settings: Settings, host: str, port: int, workers: int, *, is_proxied:
     }
     if workers == 1:
         telemetry.log_to_stderr()
-        uvicorn.run(create_app(settings), **options)  # type: ignore[arg-type]
+        uvicorn.run(create_app(settings, keeps_apart=True), **options)  # type: ignore[arg-type]
         return
     with tempfile.TemporaryDirectory(prefix="shadowbench-serve-") as folder:
         counters = Path(folder) / "counters"

@@ -67,7 +67,6 @@ class TechniqueName(Said):
 class Technique(_Columns, TechniqueName):
     """A method with its parameters, and how it was run."""
 
-    technique_key: str = Field(description="the same as `key`")
     method: str
     method_title: str
     method_parameters: dict[str, Any]
@@ -79,7 +78,7 @@ class Technique(_Columns, TechniqueName):
 class _Place(_Columns):
     run_id: str
     case_key: str
-    technique_key: str
+    technique_key: str = Field(description="the technique's `key`")
     machine: str
     code_version: str
     measured_at: str

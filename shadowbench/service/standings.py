@@ -14,10 +14,12 @@ from typing import Any, cast
 from shadowbench.rows import ResultRow
 from shadowbench.service.problems import Problem
 from shadowbench.service.responding import Answer
-from shadowbench.store.catalogue import LIKENESSES, MEASURES, QUALITY_COLUMNS, TIME_COLUMNS, TIMES, Catalogue, View
+from shadowbench.store.catalogue import Catalogue, View
+from shadowbench.store.derived import LIKENESSES, MEASURES, QUALITY_COLUMNS, TIME_COLUMNS, TIMES
 from shadowbench.tables.labels import Labels
 
 MOST_VERSIONS = 4
+_QUALITY = (*QUALITY_COLUMNS, "machines", "differs")
 SORTS = (*MEASURES, *LIKENESSES, *TIMES, "bytes_kept", "technique")
 _TOLD_APART = ("moving", "threads", "device")
 LARGER_IS_BETTER = frozenset({"ssim"})
@@ -53,8 +55,8 @@ def leaderboard(
     every = list(dict.fromkeys(place[1] for place in newest_first))
     shown = [version for version in every if version in versions] if versions else every[:MOST_VERSIONS]
     chosen_machine = machine if machine in machines else machines[0]
-    quality = catalogue.standings(experiment, chosen.view_key, QUALITY_COLUMNS, versions=shown)
-    times = catalogue.standings(experiment, chosen.view_key, TIME_COLUMNS, machine=chosen_machine, versions=shown)
+    quality = catalogue.quality_standings(experiment, chosen.view_key, shown)
+    times = catalogue.time_standings(experiment, chosen.view_key, chosen_machine, shown)
     lines = _lines(catalogue.techniques(experiment, chosen.view_key), quality, times)
     lines.sort(key=lambda line: _place(line, sort, shown))
     document = {
@@ -112,30 +114,13 @@ def _lines(techniques: dict[str, dict[str, Any]], quality: Sequence[Any], times:
     named = labels(techniques)
     lines: dict[str, dict[str, Any]] = {}
     for row in quality:
-        technique = techniques[row.technique_key] | {"key": row.technique_key, "label": named[row.technique_key]}
-        line = lines.setdefault(row.technique_key, {"technique": technique, "quality": {}, "time": {}})
-        _add_quality(line["quality"], row)
+        key = row.technique_key
+        if key not in lines:
+            lines[key] = {"technique": techniques[key] | {"key": key, "label": named[key]}, "quality": {}, "time": {}}
+        lines[key]["quality"][row.code_version] = dict(zip(_QUALITY, row, strict=True))
     for row in times:
-        lines[row.technique_key]["time"][row.code_version] = _time(row)
+        lines[row.technique_key]["time"][row.code_version] = dict(zip(TIME_COLUMNS, row, strict=True))
     return list(lines.values())
-
-
-def _add_quality(found: dict[str, Any], row: Any) -> None:
-    """Let a version's newest measured row stand for it, and count the machines that agree with it."""
-    values = row._asdict()
-    earlier = found.get(row.code_version)
-    if earlier is None:
-        found[row.code_version] = values | {"machines": 1, "differs": False}
-        return
-    digests = {digest for digest in (earlier["visibility_digest"], row.visibility_digest) if digest}
-    counts = {"machines": earlier["machines"] + 1, "differs": earlier["differs"] or len(digests) > 1}
-    is_better = (row.outcome == "ok", row.measured_at) > (earlier["outcome"] == "ok", earlier["measured_at"])
-    found[row.code_version] = (values if is_better else earlier) | counts
-
-
-def _time(row: Any) -> dict[str, Any]:
-    values: dict[str, Any] = row._asdict()
-    return values
 
 
 def _place(line: dict[str, Any], sort: str, versions: Sequence[str]) -> tuple[bool, Any, str]:

@@ -6,7 +6,6 @@ or 201 is on the disk.
 
 # no postponed annotations: FastAPI reads one that is a name of install()
 
-import hashlib
 from collections.abc import Callable
 from typing import Annotated, Any
 
@@ -19,16 +18,13 @@ from starlette.concurrency import run_in_threadpool
 from shadowbench.errors import StoreError
 from shadowbench.service import bodies, schemas
 from shadowbench.service.access import Access
+from shadowbench.service.keeping import Keeper
 from shadowbench.service.pages import problem
-from shadowbench.service.pictures import PictureError, check_png
-from shadowbench.service.problems import Problem
 from shadowbench.service.settings import Settings
 from shadowbench.service.telemetry import Telemetry
 from shadowbench.store import Store
-from shadowbench.store.documents import DocumentError, parsed, rows_from_documents, run_from_document
-from shadowbench.store.uploads import Kept, digest_of, missing_artifacts, put_picture, put_run
-
-_SUFFIX = ".png"
+from shadowbench.store.documents import DocumentError, parsed
+from shadowbench.store.uploads import Kept, missing_artifacts
 
 _PROBLEMS: dict[int | str, dict[str, Any]] = {
     400: problem("The body broke off or is damaged."),
@@ -55,7 +51,12 @@ _PNG = {"image/png": {"schema": {"type": "string", "format": "binary"}}}
 
 
 def install(
-    app: FastAPI, store: Store, settings: Settings, telemetry: Telemetry, uploader: Callable[..., Access]
+    app: FastAPI,
+    store: Store,
+    keeper: Keeper,
+    settings: Settings,
+    telemetry: Telemetry,
+    uploader: Callable[..., Access],
 ) -> None:
     """Add the routes to the application."""
     routes = APIRouter(prefix="/api/v1", tags=["upload"])
@@ -99,7 +100,7 @@ def install(
     async def picture(request: Request, name: str, access: allowed) -> Response:
         """A PNG file under its name, `<sha256>.png`."""
         content = await bodies.read(request, settings.largest_picture)
-        is_new = await run_in_threadpool(_keep_picture, store, settings, name, content, access)
+        is_new = await to_thread.run_sync(keeper.keep_picture, name, content, access.uploader, limiter=one_at_a_time)
         return JSONResponse({"name": name}, 201 if is_new else 200)
 
     @routes.put(
@@ -119,41 +120,10 @@ def install(
     async def run(request: Request, run_id: str, access: allowed) -> Response:
         """A run and all its rows, once its pictures are there."""
         content = await bodies.read(request, settings.largest_body)
-        kept, row_count, digest = await to_thread.run_sync(
-            _keep_run, store, run_id, content, access, limiter=one_at_a_time
-        )
-        telemetry.uploads.labels(kept.value).inc()
-        telemetry.rows.inc(row_count if kept is not Kept.UNCHANGED else 0)
-        answer = {"run_id": run_id, "kept": kept.value, "row_count": row_count, "digest": digest}
-        return JSONResponse(answer, 201 if kept is Kept.CREATED else 200)
+        found = await to_thread.run_sync(keeper.keep_run, run_id, content, access.uploader, limiter=one_at_a_time)
+        telemetry.uploads.labels(found.kept.value).inc()
+        telemetry.rows.inc(found.row_count if found.kept is not Kept.UNCHANGED else 0)
+        answer = {"run_id": run_id, "kept": found.kept.value, "row_count": found.row_count, "digest": found.digest}
+        return JSONResponse(answer, 201 if found.kept is Kept.CREATED else 200)
 
     app.include_router(routes)
-
-
-def _keep_picture(store: Store, settings: Settings, name: str, content: bytes, access: Access) -> bool:
-    try:
-        store.artifacts.path(name)
-    except StoreError as error:
-        raise DocumentError("path.name", str(error)) from None
-    if not name.endswith(_SUFFIX):
-        raise DocumentError("path.name", "is not that of a PNG file: only pictures are taken")
-    if hashlib.sha256(content).hexdigest() != name.removesuffix(_SUFFIX):
-        raise DocumentError("body", "does not have the SHA-256 of its name")
-    try:
-        check_png(content, settings.most_pixels)
-    except PictureError as error:
-        raise DocumentError("body", str(error)) from None
-    return put_picture(store, content, access.uploader)
-
-
-def _keep_run(store: Store, run_id: str, content: bytes, access: Access) -> tuple[Kept, int, str]:
-    document = parsed(content, "body")
-    if not isinstance(document, dict) or set(document) != {"run", "rows"}:
-        raise DocumentError("body", "is not an object with 'run' and 'rows'")
-    run = run_from_document(document["run"])
-    if run.run_id != run_id:
-        raise DocumentError("run.run_id", "is not the id in the address")
-    if run.finished_at is None:
-        raise Problem(422, "run.finished_at: the run has not ended", place="run.finished_at")
-    rows = rows_from_documents(document["rows"], run)
-    return put_run(store, run, rows, access.uploader), len(rows), digest_of(run, rows)

@@ -1,8 +1,8 @@
 """What pages show of many runs: lists, leaderboards and histories, each by queries that an index answers.
 
 Whole rows with their samples are :meth:`Store.rows`'s business; here are the columns that a list shows, of as few rows
-as it shows. Lists of what there is (views of an experiment, its versions) hop along an index from value to value
-instead of reading every row.
+as it shows; a leaderboard's are kept beside the rows (:mod:`shadowbench.store.standings`). Lists of what there is (an
+experiment's views, a view's techniques) hop along an index from value to value instead of reading every row.
 """
 
 from __future__ import annotations
@@ -12,32 +12,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import Row, Select, String, cast, func, literal, or_, select
+from sqlalchemy import CTE, Row, RowMapping, Select, String, and_, case, cast, false, func, literal, or_, select
 from sqlalchemy.orm import Session
 
 from shadowbench.rows import Outcome, RunStatus
 from shadowbench.store.access_models import StoredUpload
-from shadowbench.store.derived import TECHNIQUE_FIELDS, VIEW_FIELDS
+from shadowbench.store.derived import QUALITY_COLUMNS, TECHNIQUE_FIELDS, TIME_COLUMNS, VIEW_FIELDS
 from shadowbench.store.engine import is_sqlite, store_errors
-from shadowbench.store.models import StoredRow, StoredRun
+from shadowbench.store.models import StoredRow, StoredRun, StoredStanding
 from shadowbench.store.results import Store
 
 _RUNS = StoredRun.__table__.c
 _ROWS = StoredRow.__table__.c
+_STANDINGS = StoredStanding.__table__.c
 
 _BRIEF = ("run_id", "title", "experiments", "created_at", "finished_at", "status", "case_count", "machine")
-
-MEASURES = ("failure_percent", "false_lit_percent", "false_shadow_percent", "acne_percent", "peter_panning_percent")
-"""What a technique gets wrong: the same on every machine."""
-
-LIKENESSES = ("rmse", "ssim", "flip", "leak_mean")
-
-TIMES = ("build_ms", "shade_ms", "static_frame_ms", "dynamic_frame_ms")
-"""What it costs: compared on one machine only."""
-
-_PLACE = ("run_id", "case_key", "technique_key", "machine", "code_version", "measured_at", "outcome", "reason")
-QUALITY_COLUMNS = (*_PLACE, "visibility_digest", *MEASURES, *LIKENESSES)
-TIME_COLUMNS = (*_PLACE, "bytes_kept", *(f"{time}{end}" for time in TIMES for end in ("", "_low", "_high")))
 
 
 @dataclass(frozen=True)
@@ -90,20 +79,32 @@ class Catalogue:
     def version(self) -> str:
         """Return a text that stays the same exactly while nothing in the database changes."""
         with self._lock, store_errors(self._store.place, "look for changes"):
-            if is_sqlite(self._store.engine):
-                if self._watching is None:  # one connection, which never writes: SQLite tells it of all others'
-                    self._watching = self._store.engine.raw_connection()
-                    self._watching.detach()
-                return str(self._watching.cursor().execute("PRAGMA data_version").fetchone()[0])
-            with self._store.engine.connect() as connection:
-                return str(connection.exec_driver_sql("SELECT pg_current_snapshot()::text").scalar())
+            if self._watching is not None:
+                try:
+                    return self._watched()
+                except self._store.engine.dialect.loaded_dbapi.Error:  # a server that was started again, say
+                    self._let_go()
+            watching = self._store.engine.raw_connection()
+            if not is_sqlite(self._store.engine):
+                watching.driver_connection.autocommit = True  # type: ignore[union-attr]
+            watching.detach()
+            self._watching = watching
+            return self._watched()
+
+    def _watched(self) -> str:
+        # asked over one connection, which never writes: SQLite tells it of the others' changes
+        question = "PRAGMA data_version" if is_sqlite(self._store.engine) else "SELECT pg_current_snapshot()::text"
+        return str(self._watching.cursor().execute(question).fetchone()[0])
 
     def close(self) -> None:
         """Let go of the connection that watches for changes."""
         with self._lock:
-            if self._watching is not None:
-                self._watching.close()
-                self._watching = None
+            self._let_go()
+
+    def _let_go(self) -> None:
+        if self._watching is not None:
+            self._watching.close()
+            self._watching = None
 
     def runs(self, wanted: RunFilter, *, limit: int, after: str = "") -> list[RunLine]:
         """Return runs, newest first, from the one behind ``after`` (a run's id) on."""
@@ -166,65 +167,77 @@ class Catalogue:
 
     def views(self, experiment: str) -> list[View]:
         """Return the views of an experiment."""
-        own = _ROWS.experiment == experiment
+        own = (_STANDINGS.experiment == experiment,)
         with self._store.session("list the views") as session:
-            found = []
-            for key in _values_along_index(session, _ROWS.view_key, own):
-                one = select(*(_ROWS[name] for name in VIEW_FIELDS)).where(own, _ROWS.view_key == key).limit(1)
-                found.append(View(key, dict(session.execute(one).mappings().one())))
+            found = [
+                View(values["view_key"], {name: values[name] for name in VIEW_FIELDS})
+                for values in _rows_along_index(session, _STANDINGS.view_key, own, VIEW_FIELDS)
+            ]
         return sorted(found, key=lambda view: [str(value) for value in view.fields.values()])
 
-    def standings(
-        self,
-        experiment: str,
-        view_key: str,
-        columns: Sequence[str],
-        *,
-        machine: str = "",
-        versions: Sequence[str] | None = None,
-    ) -> list[Row[Any]]:
-        """Return the newest row of each technique, machine and version in a view.
+    def quality_standings(self, experiment: str, view_key: str, versions: Sequence[str]) -> list[Row[Any]]:
+        """Return the newest measured row of each technique and version in a view, whatever machine it is of.
+
+        Each has :data:`~shadowbench.store.derived.QUALITY_COLUMNS`, on how many ``machines`` the version was measured,
+        and whether pixels ``differ`` between them.
 
         Args:
             experiment: The experiment.
             view_key: The view.
-            columns: Which columns: :data:`QUALITY_COLUMNS` or :data:`TIME_COLUMNS`.
-            machine: Only this machine's.
-            versions: Only these versions'.
+            versions: Which versions' rows.
         """
-        same = (_ROWS.technique_key, _ROWS.machine, _ROWS.code_version)
-        place = func.row_number().over(partition_by=same, order_by=(_ROWS.measured_at.desc(), _ROWS.id.desc()))
-        ranked = select(_ROWS.id, place.label("place")).where(
-            _ROWS.experiment == experiment, _ROWS.view_key == view_key
+        own = (*_own(experiment, view_key), _STANDINGS.code_version.in_(versions))
+        same = (_STANDINGS.technique_key, _STANDINGS.code_version)
+        rank = case((_STANDINGS.outcome == Outcome.OK.value, "1"), else_="0").concat(_STANDINGS.measured_at)
+        digest = func.nullif(_STANDINGS.visibility_digest, "")
+        best = (
+            select(
+                *same,
+                func.max(rank).label("rank"),
+                func.count().label("machines"),
+                func.coalesce(func.min(digest) != func.max(digest), false()).label("differs"),
+            )
+            .where(*own)
+            .group_by(*same)
+            .subquery()
         )
-        if machine:
-            ranked = ranked.where(_ROWS.machine == machine)
-        if versions is not None:
-            ranked = ranked.where(_ROWS.code_version.in_(versions))
-        newest = ranked.subquery()
-        wanted = select(newest.c.id).where(newest.c.place == 1)
+        is_best = and_(rank == best.c.rank, *(column == best.c[column.name] for column in same))
+        columns = (*(_STANDINGS[name] for name in QUALITY_COLUMNS), best.c.machines, best.c.differs)
+        query = select(*columns).join(best, is_best).where(*own).order_by(_STANDINGS.row_id.desc())
         with self._store.session("read the leaderboard") as session:
-            return list(session.execute(select(*(_ROWS[name] for name in columns)).where(_ROWS.id.in_(wanted))).all())
+            found = session.execute(query).all()
+        return list({(row.technique_key, row.code_version): row for row in found}.values())  # one of the same moment
+
+    def time_standings(self, experiment: str, view_key: str, machine: str, versions: Sequence[str]) -> list[Row[Any]]:
+        """Return the newest row of each technique and version in a view, on one machine.
+
+        Each has :data:`~shadowbench.store.derived.TIME_COLUMNS`.
+
+        Args:
+            experiment: The experiment.
+            view_key: The view.
+            machine: Whose rows.
+            versions: Which versions' rows.
+        """
+        query = select(*(_STANDINGS[name] for name in TIME_COLUMNS)).where(*_own(experiment, view_key))
+        query = query.where(_STANDINGS.machine == machine, _STANDINGS.code_version.in_(versions))
+        with self._store.session("read the leaderboard") as session:
+            return list(session.execute(query).all())
 
     def places(self, experiment: str, view_key: str) -> list[tuple[str, str, str]]:
         """Return the machines and versions that a view was measured on and with, and when last."""
-        own = (_ROWS.experiment == experiment, _ROWS.view_key == view_key)
-        last = func.max(_ROWS.measured_at)
-        query = select(_ROWS.machine, _ROWS.code_version, last).where(*own)
+        last = func.max(_STANDINGS.measured_at)
+        query = select(_STANDINGS.machine, _STANDINGS.code_version, last).where(*_own(experiment, view_key))
         with self._store.session("list machines and versions") as session:
-            found = session.execute(query.group_by(_ROWS.machine, _ROWS.code_version)).all()
+            found = session.execute(query.group_by(_STANDINGS.code_version, _STANDINGS.machine)).all()
             return [(machine, version, moment) for machine, version, moment in found]
 
     def techniques(self, experiment: str, view_key: str) -> dict[str, dict[str, Any]]:
         """Return the techniques of a view by their keys: title, and the fields that make one."""
-        own = (_ROWS.experiment == experiment, _ROWS.view_key == view_key)
-        columns = [_ROWS[name] for name in ("technique_key", "method_title", *TECHNIQUE_FIELDS)]
+        columns = ("method_title", *TECHNIQUE_FIELDS)
         with self._store.session("list the techniques") as session:
-            found = {}
-            for key in _values_along_index(session, _ROWS.technique_key, *own):
-                one = select(*columns).where(*own, _ROWS.technique_key == key).limit(1)
-                found[key] = dict(session.execute(one).mappings().one())
-            return found
+            found = _rows_along_index(session, _STANDINGS.technique_key, _own(experiment, view_key), columns)
+            return {values["technique_key"]: {name: values[name] for name in columns} for values in found}
 
     def history(self, method: str, experiment: str, view_key: str, columns: Sequence[str]) -> list[Row[Any]]:
         """Return every row of a method in a view, oldest first."""
@@ -273,10 +286,28 @@ def _experiments(session: Session) -> list[str]:
     return sorted({name for names in lists for name in names})
 
 
+def _own(experiment: str, view_key: str) -> tuple[Any, Any]:
+    return (_STANDINGS.experiment == experiment, _STANDINGS.view_key == view_key)
+
+
 def _values_along_index(session: Session, column: Any, *conditions: Any) -> list[str]:
     """Return the different values of a column, hopping along an index whose next column it is."""
+    hop = _hop(column, conditions)
+    return list(session.execute(select(hop.c.value).where(hop.c.value.is_not(None))).scalars())
+
+
+def _rows_along_index(
+    session: Session, column: Any, conditions: Sequence[Any], names: Sequence[str]
+) -> list[RowMapping]:
+    """Return, for each different value of a column of standings, some columns of a row that has it."""
+    hop = _hop(column, conditions)
+    one = select(_STANDINGS.row_id).where(*conditions, column == hop.c.value).limit(1).scalar_subquery()
+    columns = (_ROWS[name] for name in dict.fromkeys((column.name, *names)))
+    return list(session.execute(select(*columns).join(hop, _ROWS.id == one)).mappings())
+
+
+def _hop(column: Any, conditions: Sequence[Any]) -> CTE:
     first = select(func.min(column).label("value")).where(*conditions)
     hop = first.cte("hop", recursive=True)
     following = select(func.min(column)).where(*conditions, column > hop.c.value).scalar_subquery()
-    hop = hop.union_all(select(following).where(hop.c.value.is_not(None)))
-    return list(session.execute(select(hop.c.value).where(hop.c.value.is_not(None))).scalars())
+    return hop.union_all(select(following).where(hop.c.value.is_not(None)))

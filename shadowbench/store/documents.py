@@ -46,6 +46,10 @@ class DocumentError(StoreError):
         self.place = place
         self.reason = reason
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Say how it is made again in another process."""
+        return type(self), (self.place, self.reason)
+
 
 def parsed(text: bytes, place: str = "") -> Any:
     """Return the value of a JSON text.

@@ -11,6 +11,7 @@ from sqlalchemy.orm import Session
 from shadowbench.rows import ResultRow
 from shadowbench.store.models import LONG_MODELS, StoredRow
 from shadowbench.store.records import Values, long_values
+from shadowbench.store.standings import rows_were_added
 
 _AT_ONCE = 100
 
@@ -35,3 +36,4 @@ def insert_rows(session: Session, rows: Sequence[ResultRow], values: Sequence[Va
         for name, found in lines.items():
             if found:
                 session.connection().execute(insert(LONG_MODELS[name].__table__), found)  # type: ignore[attr-defined]
+    rows_were_added(session, values)

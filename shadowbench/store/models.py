@@ -3,9 +3,9 @@
 The columns of ``runs`` and ``rows`` are derived from :class:`~shadowbench.rows.RunRecord` and
 :class:`~shadowbench.rows.ResultRow`, so that a field cannot be forgotten: adding one there makes the test that
 compares the migrated database with these models ask for a migration. Two columns of a row are hashes that lists are
-grouped by (:mod:`shadowbench.store.derived`). What has many values a row (stages, counters,
-kept arrays, samples, artifacts) stands in a long table of its own: ``row_id, position, name, value, unit``, where
-``position`` keeps the order in which a method named them, and samples have a ``round``. In SQL::
+grouped by, and ``standings`` holds copies (:mod:`shadowbench.store.derived`). What has many values a row (stages,
+counters, kept arrays, samples, artifacts) stands in a long table of its own: ``row_id, position, name, value, unit``,
+where ``position`` keeps the order in which a method named them, and samples have a ``round``. In SQL::
 
     SELECT r.method, s.name, s.value, s.unit FROM stages s JOIN rows r ON r.id = s.row_id WHERE r.run_id = ?
 """
@@ -27,6 +27,7 @@ from sqlalchemy import (
     Index,
     Integer,
     MetaData,
+    PrimaryKeyConstraint,
     Table,
     Text,
 )
@@ -34,6 +35,7 @@ from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 from sqlalchemy.types import TypeEngine
 
 from shadowbench.rows import LONG_FIELDS, ResultRow, RunRecord
+from shadowbench.store.derived import STANDING_COLUMNS, STANDING_KEY
 
 _Identifier = BigInteger().with_variant(Integer(), "sqlite")  # only INTEGER PRIMARY KEY counts by itself in SQLite
 
@@ -110,6 +112,27 @@ class StoredRow(Base):
         ),
         Index("ix_rows_history", "method", "experiment", "view_key", "measured_at"),
         Index(None, "quality_key"),
+    )
+
+
+class StoredStanding(Base):
+    """Which row stands for a technique on a machine in a version, and what a leaderboard shows of it.
+
+    Only :mod:`shadowbench.store.standings` writes here.
+    """
+
+    __table__ = Table(
+        "standings",
+        Base.metadata,
+        *(Column(name, Text(), nullable=False) for name in STANDING_KEY),
+        Column("row_id", _Identifier, nullable=False),
+        *(column for column in derived_columns(ResultRow, without=LONG_FIELDS) if column.name in STANDING_COLUMNS),
+        PrimaryKeyConstraint(*STANDING_KEY),
+        ForeignKeyConstraint(["row_id"], ["rows.id"], ondelete="CASCADE"),
+        Index(None, "row_id"),
+        Index("ix_standings_places", "experiment", "view_key", "code_version", "machine", "measured_at"),
+        Index("ix_standings_techniques", "experiment", "view_key", "technique_key"),
+        sqlite_with_rowid=False,  # clustered by the key: a version's standings of a view lie side by side
     )
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from sqlalchemy import Engine, delete, func, insert, select, update
+from sqlalchemy import Engine, func, insert, select, update
 from sqlalchemy.orm import Session
 
 from shadowbench.errors import StoreError, did_you_mean
@@ -26,6 +26,7 @@ from shadowbench.store.inserting import insert_rows
 from shadowbench.store.models import LONG_MODELS, StoredRow, StoredRun
 from shadowbench.store.records import row_from, row_values, run_from, run_values
 from shadowbench.store.schema import ensure_current
+from shadowbench.store.standings import delete_rows
 
 DATABASE_NAME = "results.sqlite"
 
@@ -236,7 +237,7 @@ class Store:
             )
             earlier = session.execute(select(_ROWS.id).where(*same_case)).scalar()
             if earlier is not None:
-                session.execute(delete(StoredRow).where(_ROWS.id == earlier))
+                delete_rows(session, _ROWS.id == earlier)
                 values["id"] = earlier
             insert_rows(session, [row], [values])
 

@@ -18,7 +18,7 @@ from sqlalchemy import Connection, Engine, inspect
 from shadowbench.errors import StoreError
 from shadowbench.store.engine import is_sqlite, use_write_ahead_log, writing
 
-REVISIONS = ("0001", "0002", "0003", "0004", "0005", "0007", "0008")
+REVISIONS = ("0001", "0002", "0003", "0004", "0005", "0007", "0008", "0009")
 """All revisions, oldest first; the last is this version's. A test holds this to the files in ``migrations``."""
 
 

@@ -186,7 +186,7 @@ def _imported(store: Store, archive: _Archive, *, replace: bool) -> Iterator[Imp
                 raise DocumentError(f"artifacts/{name}", "is damaged: its content does not have this SHA-256")
             store.put_artifact(content, suffix)
         kept = put_run(store, run, rows, Uploader(IMPORTED, "command line", may_replace=replace))
-        yield Imported(run, len(rows), kept)
+        yield Imported(run, kept.row_count, kept.kept)
 
 
 def _row_lines(archive: _Archive, place: str) -> tuple[str, list[bytes]]:

@@ -12,6 +12,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any
 
 from sqlalchemy import delete, insert, select
 from sqlalchemy.orm import Session
@@ -21,9 +22,10 @@ from shadowbench.rows import ResultRow, RunRecord
 from shadowbench.store.access_models import StoredAudit, StoredUpload
 from shadowbench.store.documents import artifact_names, row_document, run_document
 from shadowbench.store.inserting import insert_rows
-from shadowbench.store.models import StoredRun
+from shadowbench.store.models import StoredRow, StoredRun
 from shadowbench.store.records import row_values, run_values
 from shadowbench.store.results import Store
+from shadowbench.store.standings import delete_rows
 
 IMPORTED = "import"
 """Stands where a token would for runs that came from a file."""
@@ -35,6 +37,16 @@ class Kept(StrEnum):
     CREATED = "created"
     REPLACED = "replaced"
     UNCHANGED = "unchanged"
+
+
+@dataclass(frozen=True)
+class KeptRun:
+    """A run that was put into the store."""
+
+    kept: Kept
+    row_count: int
+    digest: str
+    """The SHA-256 of its documents."""
 
 
 class ConflictError(StoreError):
@@ -51,6 +63,10 @@ class MissingArtifactsError(StoreError):
     def __init__(self, names: Sequence[str]) -> None:
         super().__init__(f"{len(names)} pictures or masks are not in the store, {names[0]} first")
         self.names = list(names)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Say how it is made again in another process."""
+        return type(self), (self.names,)
 
 
 @dataclass(frozen=True)
@@ -71,7 +87,7 @@ def digest_of(run: RunRecord, rows: Sequence[ResultRow]) -> str:
     return found.hexdigest()
 
 
-def put_run(store: Store, run: RunRecord, rows: Sequence[ResultRow], uploader: Uploader) -> Kept:
+def put_run(store: Store, run: RunRecord, rows: Sequence[ResultRow], uploader: Uploader) -> KeptRun:
     """Keep a run and all its rows in one transaction; on the disk before this returns.
 
     Raises:
@@ -88,13 +104,13 @@ def put_run(store: Store, run: RunRecord, rows: Sequence[ResultRow], uploader: U
     with store.session("keep the run", writes=True) as session:
         kept = _make_room(session, run.run_id, digest, uploader)
         if kept is Kept.UNCHANGED:
-            return kept
+            return KeptRun(kept, len(rows), digest)
         session.execute(insert(StoredRun).values(own))
         insert_rows(session, rows, others)
         upload = {"run_id": run.run_id, "digest": digest, "token_id": uploader.token_id, "uploaded_at": now()}
         session.execute(insert(StoredUpload).values(upload))
         add_to_audit(session, f"run {kept.value}", run.run_id, uploader, f"{len(rows)} rows, sha256 {digest}")
-    return kept
+    return KeptRun(kept, len(rows), digest)
 
 
 def put_picture(store: Store, content: bytes, uploader: Uploader) -> bool:
@@ -151,6 +167,7 @@ def _make_room(session: Session, run_id: str, digest: str, uploader: Uploader) -
     if not uploader.may_replace and (earlier is None or earlier.token_id != uploader.token_id):
         whose = "was measured here" if earlier is None else "was uploaded with another token"
         raise ConflictError(f"run '{run_id}' is there already with other content, and {whose}")
+    delete_rows(session, StoredRow.__table__.c.run_id == run_id)
     session.execute(delete(StoredRun).where(table.c.run_id == run_id))
     session.expunge_all()
     return Kept.REPLACED

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import itertools
+import random
 from collections.abc import Iterator
 from typing import Any
 
 import pytest
 from stored_rows import some_row, some_run
 
-from shadowbench.rows import Outcome
+from shadowbench.rows import Outcome, ResultRow
 from shadowbench.store import Store
-from shadowbench.store.catalogue import QUALITY_COLUMNS, TIME_COLUMNS, Catalogue, RunFilter
+from shadowbench.store.catalogue import Catalogue, RunFilter
 from shadowbench.store.uploads import Uploader, put_run
 
 
@@ -91,7 +93,7 @@ def test_lists_hop_from_value_to_value(catalogue: Catalogue) -> None:
 
 def test_the_newest_row_stands_for_technique_machine_and_version(catalogue: Catalogue, store: Store) -> None:
     view = catalogue.views("quick")[0].view_key
-    found = catalogue.standings("quick", view, QUALITY_COLUMNS)
+    found = [row for machine in "ab" for row in catalogue.time_standings("quick", view, machine, ["0", "1"])]
     assert sorted((row.machine, row.code_version, row.run_id) for row in found) == sorted(
         [("a", "0", "r0"), ("b", "0", "r1"), ("a", "1", "r2"), ("b", "1", "r3")] * 2
     )
@@ -101,9 +103,49 @@ def test_the_newest_row_stands_for_technique_machine_and_version(catalogue: Cata
         put = row.model_copy(update={"measured_at": moment})
         store.start_run(later)
         store.add_row(put)
-    found = catalogue.standings("quick", view, TIME_COLUMNS, machine="a", versions=["0"])
+    found = catalogue.time_standings("quick", view, "a", ["0"])
     assert {row.case_key for row in found} == {"new", "bunny-esm"}
     assert {place[:2] for place in catalogue.places("quick", view)} == {(m, v) for m in "ab" for v in "01"}
+
+
+def test_quality_is_of_the_newest_measured_row_of_any_machine(store: Store) -> None:
+    generator = random.Random(5)
+    rows = [
+        some_row(
+            generator.choice(("pcf", "esm", "vsm")),
+            run_id="all",
+            case_key=str(number),
+            machine=generator.choice("abc"),
+            code_version=generator.choice("123"),
+            measured_at=f"2026-01-0{generator.randint(1, 3)}T00:00:00+00:00",
+            outcome=generator.choice(("ok", "crash")),
+            visibility_digest=generator.choice(("", "x", "x", "y")),
+        )
+        for number in range(60)
+    ]
+    put_run(store, some_run(run_id="all"), rows, Uploader("anna"))
+    catalogue = Catalogue(store)
+    (view,) = catalogue.views("quick")
+    titles = {key: fields["method"] for key, fields in catalogue.techniques("quick", view.view_key).items()}
+    found = {
+        (titles[row.technique_key], row.code_version): (row.case_key, row.machines, row.differs)
+        for row in catalogue.quality_standings("quick", view.view_key, ["1", "2"])
+    }
+    expected = {}
+    for name in itertools.product(("pcf", "esm", "vsm"), "12"):
+        of_machine: dict[str, ResultRow] = {}
+        for row in rows:  # of each machine the newest, the last one of a moment
+            earlier = of_machine.get(row.machine)
+            if (row.method, row.code_version) == name and (earlier is None or row.measured_at >= earlier.measured_at):
+                of_machine[row.machine] = row
+        if of_machine:
+            stands = sorted(of_machine.values(), key=lambda row: int(row.case_key))
+            newest = max(stands, key=lambda row: (row.outcome == Outcome.OK, row.measured_at))
+            digests = {row.visibility_digest for row in stands} - {""}
+            expected[name] = (newest.case_key, len(stands), len(digests) > 1)
+    assert found == expected
+    assert {differs for _, _, differs in found.values()} == {False, True}
+    catalogue.close()
 
 
 def test_a_history_is_in_the_order_of_time(catalogue: Catalogue) -> None:
@@ -128,3 +170,13 @@ def test_the_version_stays_while_nothing_changes_and_no_longer(catalogue: Catalo
         seen.add(catalogue.version())
         assert catalogue.version() in seen
     assert len(seen) == 4
+
+
+@pytest.mark.parametrize("database", ["postgresql"], indirect=True)
+def test_the_version_is_told_again_after_the_server_ended_its_connections(catalogue: Catalogue, store: Store) -> None:
+    before = catalogue.version()
+    with store.engine.connect() as connection:
+        others = "FROM pg_stat_activity WHERE datname = current_database() AND pid <> pg_backend_pid()"
+        ended = connection.exec_driver_sql(f"SELECT pg_terminate_backend(pid) {others}").scalars().all()
+    assert True in ended
+    assert catalogue.version() == before

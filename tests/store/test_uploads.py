@@ -27,8 +27,8 @@ def audit(store: Store) -> list[tuple[str, str, str]]:
 
 def test_a_run_that_is_put_twice_is_there_once(store: Store) -> None:
     rows = [some_row("pcf"), some_row("esm")]
-    assert put_run(store, RUN, rows, ANNA) is Kept.CREATED
-    assert put_run(store, RUN, rows, ANNA) is Kept.UNCHANGED
+    assert put_run(store, RUN, rows, ANNA).kept is Kept.CREATED
+    assert put_run(store, RUN, rows, ANNA).kept is Kept.UNCHANGED
     assert store.rows(RUN.run_id) == rows
     assert audit(store) == [("run created", RUN.run_id, "anna")]
 
@@ -37,7 +37,7 @@ def test_its_owner_may_replace_a_run_and_nobody_else(store: Store) -> None:
     put_run(store, RUN, [some_row("pcf")], ANNA)
     with pytest.raises(ConflictError, match="was uploaded with another token"):
         put_run(store, RUN, [some_row("esm")], BEN)
-    assert put_run(store, RUN, [some_row("vsm")], ANNA) is Kept.REPLACED
+    assert put_run(store, RUN, [some_row("vsm")], ANNA).kept is Kept.REPLACED
     assert [row.method for row in store.rows(RUN.run_id)] == ["vsm"]
 
 
