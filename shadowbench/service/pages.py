@@ -216,13 +216,15 @@ class _Routes:
         machine: Text = "",
         version: Annotated[list[str] | None, Query(max_length=20)] = None,
         sort: Text = "failure_percent",
+        limit: Annotated[int | None, Query(ge=1, le=standings.MOST_LINES)] = None,
     ) -> Response:
         """An experiment's techniques in one view: quality by version, times of one machine."""
         versions = [one for one in version or () if one]
+        most = limit or (standings.LINES_A_PAGE if form == "html" else None)
 
         def make() -> Answer:
             return standings.leaderboard(
-                self.catalogue, experiment, view=view, machine=machine, versions=versions, sort=sort
+                self.catalogue, experiment, view=view, machine=machine, versions=versions, sort=sort, limit=most
             )
 
         return self._say(request, form, make)

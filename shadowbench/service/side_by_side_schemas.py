@@ -140,6 +140,7 @@ class Leaderboard(_Columns):
     versions: list[str] = Field(description="those shown, newest first")
     all_versions: list[str] = Field(description="all that there are to choose, newest first")
     sort: str = Field(description="column that the lines are ordered by, in the first of the versions that has it")
+    line_count: int = Field(description="techniques that there are; `lines` has the first `limit` of them")
     lines: list[LeaderboardLine]
 
 

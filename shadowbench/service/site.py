@@ -84,9 +84,7 @@ class _Site:
         facets = self.catalogue.facets()
         for name in filter(_SAFE.fullmatch, facets["experiment"]):
             try:
-                found = standings.leaderboard(
-                    self.catalogue, name, view="", machine="", versions=(), sort="failure_percent"
-                )
+                found = standings.leaderboard(self.catalogue, name)
             except Problem:
                 continue  # an experiment without a row
             self._page(f"experiments/{name}", found)

@@ -19,6 +19,8 @@ from shadowbench.store.derived import LIKENESSES, MEASURES, QUALITY_COLUMNS, TIM
 from shadowbench.tables.labels import Labels
 
 MOST_VERSIONS = 4
+LINES_A_PAGE = 100
+MOST_LINES = 10_000
 _QUALITY = (*QUALITY_COLUMNS, "machines", "differs")
 SORTS = (*MEASURES, *LIKENESSES, *TIMES, "bytes_kept", "technique")
 _TOLD_APART = ("moving", "threads", "device")
@@ -26,17 +28,25 @@ LARGER_IS_BETTER = frozenset({"ssim"})
 
 
 def leaderboard(
-    catalogue: Catalogue, experiment: str, *, view: str, machine: str, versions: Sequence[str], sort: str
+    catalogue: Catalogue,
+    experiment: str,
+    *,
+    view: str = "",
+    machine: str = "",
+    versions: Sequence[str] = (),
+    sort: str = "failure_percent",
+    limit: int | None = None,
 ) -> Answer:
     """Return the leaderboard of an experiment.
 
     Args:
         catalogue: Where from.
         experiment: Its name.
-        view: The key of a view; the first one if empty.
+        view: The key of a view; the one of most techniques if empty.
         machine: Whose times; those of the one that was measured on last if empty.
         versions: Which versions; the newest four if empty.
         sort: By what, the first version that has it counting.
+        limit: How many techniques, the first ones in this order; all by default.
 
     Raises:
         Problem: There is no such experiment, view or column.
@@ -46,7 +56,11 @@ def leaderboard(
     views = catalogue.views(experiment)
     if not views:
         raise Problem(404, "no run has a row of an experiment of this name")
-    chosen = next((one for one in views if one.view_key == view or not view), None)
+    if view:
+        chosen = next((one for one in views if one.view_key == view), None)
+    else:
+        counts = catalogue.technique_counts(experiment)
+        chosen = max(views, key=lambda one: counts[one.view_key])
     if chosen is None:
         raise Problem(404, "the experiment has no such view")
     places = catalogue.places(experiment, chosen.view_key)
@@ -68,10 +82,12 @@ def leaderboard(
         "versions": shown,
         "all_versions": every,
         "sort": sort,
-        "lines": lines,
+        "line_count": len(lines),
+        "lines": lines[:limit],
     }
     header = ("technique", "version", "outcome", *MEASURES, *LIKENESSES, "machines", "differs", "machine")
-    return Answer("leaderboard.html", document, (*header, *_TIME_FIELDS), _csv_lines(lines, shown, chosen_machine))
+    table = _csv_lines(lines[:limit], shown, chosen_machine)
+    return Answer("leaderboard.html", document, (*header, *_TIME_FIELDS), table, {"most_lines": MOST_LINES})
 
 
 _TIME_FIELDS = (

@@ -175,6 +175,13 @@ class Catalogue:
             ]
         return sorted(found, key=lambda view: [str(value) for value in view.fields.values()])
 
+    def technique_counts(self, experiment: str) -> dict[str, int]:
+        """Return how many techniques each view of an experiment has, by the views' keys."""
+        count = func.count(_STANDINGS.technique_key.distinct())
+        query = select(_STANDINGS.view_key, count).where(_STANDINGS.experiment == experiment)
+        with self._store.session("count the techniques") as session:
+            return {row.view_key: row[1] for row in session.execute(query.group_by(_STANDINGS.view_key))}
+
     def quality_standings(self, experiment: str, view_key: str, versions: Sequence[str]) -> list[Row[Any]]:
         """Return the newest measured row of each technique and version in a view, whatever machine it is of.
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import csv
+import html
 import io
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -15,6 +17,7 @@ from service.conftest import Maker, Service
 from stored_rows import some_row, some_run
 
 from shadowbench.service.site import write_site
+from shadowbench.service.standings import LINES_A_PAGE
 
 PATHS = (
     "/runs",
@@ -97,6 +100,31 @@ def test_a_leaderboard_has_quality_by_version_and_times_of_one_machine(filled: S
     assert {time["run_id"] for time in pcf["time"].values()} == {"run-0", "run-2"}
     falling = filled.client.get("/experiments/quick.json", params={"sort": "technique", "version": "1.0"}).json()
     assert falling["versions"] == ["1.0"]
+
+
+def test_a_leaderboard_begins_with_the_view_of_most_techniques(filled: Service) -> None:
+    before = filled.client.get("/experiments/quick.json").json()
+    rows = [some_row(f"m{i}", run_id="wide", case_key=f"{i}", scene="wide") for i in range(len(before["lines"]) + 1)]
+    filled.put(some_run(run_id="wide"), rows)
+    assert filled.client.get("/experiments/quick.json").json()["view"]["scene"] == "wide"
+    chosen = {"view": before["view"]["key"]}
+    assert filled.client.get("/experiments/quick.json", params=chosen).json()["view"] == before["view"]
+
+
+def test_a_page_shows_the_first_techniques_of_many_and_leads_to_all(service: Service) -> None:
+    rows = [some_row(f"m{i:03}", case_key=f"{i}", failure_percent=float(i)) for i in range(LINES_A_PAGE + 20)]
+    service.put(some_run(), rows)
+    page = service.client.get("/experiments/quick").text
+    assert ("/methods/m099?" in page, "/methods/m100?" in page) == (True, False)
+    assert "The first 100 of 120 techniques" in page
+    (link,) = re.findall(r'href="([^"]*limit=[^"]*)"', page)
+    whole = service.client.get(html.unescape(link)).text
+    assert ("/methods/m119?" in whole, "The first" in whole) == (True, False)
+    everything = service.client.get("/experiments/quick.json").json()
+    assert len(everything["lines"]) == everything["line_count"] == LINES_A_PAGE + 20
+    some = service.client.get("/experiments/quick.json?limit=3").json()
+    assert [line["technique"]["method"] for line in some["lines"]] == ["m000", "m001", "m002"]
+    assert service.client.get("/experiments/quick?limit=0").status_code == 422
 
 
 def test_machines_whose_pixels_differ_are_marked(filled: Service) -> None:
