@@ -157,7 +157,8 @@ class _Fitting:
             if image is None:
                 self.lost.add(request.number)
                 return 0
-            self._rungs[request.priority], width, content = _fitting(image, share, self._rungs[request.priority])
+            picture = image.convert("RGB")
+            width, content = self._fitting(request.priority, share, lambda rung: _webp(picture, rung))
             if request.priority is Priority.RESULT and width < min(image.width, LADDER[0][0]):
                 self.reduced_to = min(width, self.reduced_to or width)
             kind = "webp"
@@ -167,9 +168,28 @@ class _Fitting:
             if not found:
                 self.lost.add(request.number)
                 return 0
-            kind, content = "png", _fitting_mask(found, share)
+            kind, (_, content) = "png", self._fitting(request.priority, share, lambda rung: _mask(found, rung))
         self.addresses[request.number] = f"data:image/{kind};base64," + base64.b64encode(content).decode("ascii")
         return len(content)
+
+    def _fitting(self, priority: Priority, share: int, encode: Callable[[int], tuple[int, bytes]]) -> tuple[int, bytes]:
+        """Return width and bytes of the best rung that fits, or of the last one.
+
+        Neighbouring pictures weigh alike, so the search begins at the last one's rung: down until a picture fits, or
+        else up while the next better one can be expected to fit, growing as its area.
+        """
+        first = rung = self._rungs[priority]
+        width, encoded = encode(rung)
+        while len(encoded) > share and rung + 1 < len(LADDER):
+            rung += 1
+            width, encoded = encode(rung)
+        while 0 < rung <= first and len(encoded) * (LADDER[rung - 1][0] / LADDER[rung][0]) ** 2 <= share:
+            better_width, better = encode(rung - 1)
+            if len(better) > share:
+                break
+            rung, width, encoded = rung - 1, better_width, better
+        self._rungs[priority] = rung
+        return width, encoded
 
 
 def opened(read: Callable[[str], bytes], artifact: str) -> Image.Image | None:
@@ -182,26 +202,6 @@ def opened(read: Callable[[str], bytes], artifact: str) -> Image.Image | None:
     return image
 
 
-def _fitting(image: Image.Image, byte_share: int, first_rung: int) -> tuple[int, int, bytes]:
-    """Return rung, width and WebP bytes of the best rung that fits, or of the last one.
-
-    Neighbouring pictures weigh alike, so the search begins at ``first_rung``: down until a picture fits, or else up
-    while the next better one can be expected to fit, growing as its area.
-    """
-    image = image.convert("RGB")
-    rung = first_rung
-    width, encoded = _webp(image, rung)
-    while len(encoded) > byte_share and rung + 1 < len(LADDER):
-        rung += 1
-        width, encoded = _webp(image, rung)
-    while 0 < rung <= first_rung and len(encoded) * (LADDER[rung - 1][0] / LADDER[rung][0]) ** 2 <= byte_share:
-        better_width, better = _webp(image, rung - 1)
-        if len(better) > byte_share:
-            break
-        rung, width, encoded = rung - 1, better_width, better
-    return rung, width, encoded
-
-
 def _webp(image: Image.Image, rung: int) -> tuple[int, bytes]:
     width, quality = LADDER[rung]
     size = _size_within(image.size, width)
@@ -211,13 +211,9 @@ def _webp(image: Image.Image, rung: int) -> tuple[int, bytes]:
     return size[0], file.getvalue()
 
 
-def _fitting_mask(masks: dict[str, Image.Image], byte_share: int) -> bytes:
-    content = b""
-    for width, _ in LADDER:
-        content = palette_png(masks, _size_within(next(iter(masks.values())).size, width))
-        if len(content) <= byte_share:
-            break
-    return content
+def _mask(masks: dict[str, Image.Image], rung: int) -> tuple[int, bytes]:
+    size = _size_within(next(iter(masks.values())).size, LADDER[rung][0])
+    return size[0], palette_png(masks, size)
 
 
 def _size_within(size: Size, width: int) -> Size:

@@ -58,7 +58,8 @@ def palette() -> list[tuple[int, int, int]]:
 
 def _reduced(mask: Image.Image, size: tuple[int, int]) -> NDArray[np.bool_]:
     pixels = np.asarray(mask.convert("1"))
-    rows, columns = np.nonzero(pixels)
-    reduced = np.zeros(size[::-1], dtype=bool)
-    reduced[rows * size[1] // mask.height, columns * size[0] // mask.width] = True
-    return reduced
+    for axis, (length, reduced) in enumerate(zip(pixels.shape, size[::-1], strict=True)):
+        if length != reduced:
+            begins = -(-np.arange(reduced) * length // reduced)  # of the pixels that each one stands for
+            pixels = np.logical_or.reduceat(pixels, begins, axis=axis)
+    return pixels
