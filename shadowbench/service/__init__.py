@@ -14,6 +14,7 @@
     answers.py      what each page says, as JSON values and CSV lines
     standings.py    leaderboards; histories.py: a method over time
     responding.py   an answer as page, JSON or CSV, with its ETag, kept while the store does not change
+    reports.py      reports of runs, made once
     pages.py        routes for readers; uploads.py: routes for uploading; documentation.py: the API's own page
     schemas.py      what travels, as the API describes it
     rendering.py    templates, style and script

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import re
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
@@ -11,13 +10,14 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, FastAPI, Query, Request, Response
 from fastapi.responses import RedirectResponse
+from starlette.concurrency import run_in_threadpool
 
-from shadowbench import report
 from shadowbench.errors import StoreError
 from shadowbench.service import answers, histories, schemas, standings
 from shadowbench.service.access import Access
 from shadowbench.service.pictures import PictureError, encoded_again
 from shadowbench.service.problems import Problem
+from shadowbench.service.reports import Reports
 from shadowbench.service.responding import Answer, Answers
 from shadowbench.service.settings import Settings
 from shadowbench.store import Store
@@ -166,6 +166,7 @@ class _Routes:
 
     def __init__(self, store: Store, catalogue: Catalogue, settings: Settings, kept: Answers) -> None:
         self.store, self.catalogue, self.settings, self.kept = store, catalogue, settings, kept
+        self.reports = Reports(store, catalogue)
         self.pictures = _Pictures(store, settings.most_pixels)
 
     def first(self) -> Response:
@@ -192,15 +193,15 @@ class _Routes:
 
     def run(self, request: Request, run_id: str, *, form: str) -> Response:
         """A run with its rows, its tables and its claims; in CSV one line a case."""
-        return self._say(request, form, lambda: answers.run(self.store, run_id))
+        return self._say(request, form, lambda: answers.run(self.store, run_id), run_id)
 
     def claims(self, request: Request, run_id: str, *, form: str) -> Response:
         """What the papers claim, and whether it holds in this run."""
-        return self._say(request, form, lambda: answers.claims(self.store, run_id))
+        return self._say(request, form, lambda: answers.claims(self.store, run_id), run_id)
 
     def case(self, request: Request, run_id: str, case_key: str, *, form: str, experiment: Text = "") -> Response:
         """One case of a run, samples and pictures included."""
-        return self._say(request, form, lambda: answers.case(self.store, run_id, case_key, experiment))
+        return self._say(request, form, lambda: answers.case(self.store, run_id, case_key, experiment), run_id)
 
     def experiments(self, request: Request, *, form: str) -> Response:
         """The names of all experiments."""
@@ -259,7 +260,7 @@ class _Routes:
 
     def compare(self, request: Request, a: Text, b: Text, *, form: str) -> Response:
         """What changed from run `a` to run `b`."""
-        return self._say(request, form, lambda: answers.compare(self.store, a, b))
+        return self._say(request, form, lambda: answers.compare(self.store, a, b), a, b)
 
     def choose(self, request: Request, *, form: str, a: Text = "", b: Text = "") -> Response:
         """What changed from run `a` to run `b`, or a form that asks which they are."""
@@ -267,15 +268,19 @@ class _Routes:
             return self.compare(request, a, b, form=form)
         return self._say(request, form, lambda: answers.choose(self.catalogue, a, b))
 
-    def report(self, run_id: str) -> Response:
+    async def report(self, request: Request, run_id: str) -> Response:
         """Return the one-file report of a run."""
-        record = answers.find_run(self.store, run_id)
-        text = report.html(self.store, record)
-        # its own policy, which names its style and script by their hashes, is as good in a header
-        policy = re.search(r'http-equiv="Content-Security-Policy" content="([^"]*)"', text)
-        assert policy is not None
-        headers = {"Content-Security-Policy": policy[1].replace("&#39;", "'") + "; frame-ancestors 'none'"}
-        return Response(text, headers=headers, media_type="text/html; charset=utf-8")
+        found = await self.reports.of(run_id)
+        headers = {"ETag": f'"{found.key}"', "Cache-Control": "no-cache", "Vary": "Accept-Encoding, Authorization"}
+        if request.headers.get("if-none-match") == headers["ETag"]:
+            return Response(status_code=304, headers=headers)
+        # its own policy is as good in a header
+        headers["Content-Security-Policy"] = f"{found.policy()}; frame-ancestors 'none'"
+        if "gzip" in request.headers.get("accept-encoding", ""):
+            headers["Content-Encoding"], content = "gzip", found.packed
+        else:
+            content = await run_in_threadpool(found.unpacked)
+        return Response(content, headers=headers, media_type="text/html; charset=utf-8")
 
     def picture(self, request: Request, name: str) -> Response:
         """Return a picture, encoded by this service: no byte of what was uploaded."""
@@ -288,8 +293,13 @@ class _Routes:
             return Response(status_code=304, headers=headers)
         return Response(self.pictures.get(name), headers=headers, media_type="image/png")
 
-    def _say(self, request: Request, form: str, make: Callable[[], Answer]) -> Response:
-        return self.kept.respond(request, form, make)
+    def _say(self, request: Request, form: str, make: Callable[[], Answer], *run_ids: str) -> Response:
+        """Answer a request; ``run_ids`` names the runs that the answer is made of, if it is of these alone."""
+
+        def state() -> str:
+            return " ".join(self.catalogue.state_of(run_id) for run_id in run_ids)
+
+        return self.kept.respond(request, form, make, state if run_ids else None)
 
 
 class _Pictures:

@@ -1,8 +1,8 @@
 """An answer as a page, as JSON or as CSV, and kept until the store changes.
 
 Every answer has an ETag: who asks again for what he has gets 304. What an answer was made from is known by the store's
-:meth:`~shadowbench.store.catalogue.Catalogue.version`; while it stays, the answer stays. One thread makes an answer,
-others that want the same one wait for it.
+:meth:`~shadowbench.store.catalogue.Catalogue.version`; while it stays, the answer stays. What is made of one run alone
+outlives changes elsewhere. One thread makes an answer, others that want the same one wait for it.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import json
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from fastapi import Request, Response
@@ -53,6 +53,7 @@ class Answer:
 @dataclass(frozen=True)
 class _Kept:
     version: str
+    state: str
     body: bytes
     etag: str
 
@@ -66,16 +67,19 @@ class Answers:
         self._locks: dict[str, threading.Lock] = {}
         self._lock = threading.Lock()
 
-    def respond(self, request: Request, form: str, make: Callable[[], Answer]) -> Response:
+    def respond(
+        self, request: Request, form: str, make: Callable[[], Answer], state: Callable[[], str] | None = None
+    ) -> Response:
         """Answer a request for a page or what is on it.
 
         Args:
             request: Its path and query name the answer.
             form: ``html``, ``json`` or ``csv``.
             make: Makes the answer; what it raises is raised.
+            state: Returns what of the store the answer is made from; all of it by default.
         """
         name = f"{form} {request.url.path}?{request.url.query}"
-        kept = self._find(name, lambda: make().text(form, request=request).encode("utf-8"))
+        kept = self._find(name, lambda: make().text(form, request=request).encode("utf-8"), state)
         headers = {"ETag": kept.etag, "Cache-Control": "no-cache", "Vary": "Accept-Encoding, Authorization"}
         if form == "html":
             headers |= rendering.HEADERS
@@ -83,9 +87,8 @@ class Answers:
             return Response(status_code=304, headers=headers)
         return Response(kept.body, headers=headers, media_type=MEDIA_TYPES[form])
 
-    def _find(self, name: str, make: Callable[[], bytes]) -> _Kept:
-        version = self._version()
-        found = self._held(name, version)
+    def _find(self, name: str, make: Callable[[], bytes], state: Callable[[], str] | None) -> _Kept:
+        found = self._held(name, self._version(), state)
         if found is not None:
             return found
         with self._lock:
@@ -93,26 +96,32 @@ class Answers:
         try:
             with lock:
                 version = self._version()  # before reading: what is read is this state or a later one
-                found = self._held(name, version)
+                found = self._held(name, version, state)
                 if found is None:
+                    seen = state() if state is not None else ""
                     body = make()
-                    found = _Kept(version, body, f'W/"{hashlib.sha256(body).hexdigest()[:24]}"')
+                    found = _Kept(version, seen, body, f'W/"{hashlib.sha256(body).hexdigest()[:24]}"')
                     self._keep(name, found)
                 return found
         finally:
             with self._lock:
                 self._locks.pop(name, None)
 
-    def _held(self, name: str, version: str) -> _Kept | None:
+    def _held(self, name: str, version: str, state: Callable[[], str] | None) -> _Kept | None:
         with self._lock:
             found = self._kept.get(name)
-            if found is None or found.version != version:
-                return None
-            self._kept.move_to_end(name)
-            return found
+            if found is not None and found.version == version:
+                self._kept.move_to_end(name)
+                return found
+        if found is None or state is None or found.state != state():
+            return None
+        found = replace(found, version=version)
+        self._keep(name, found)
+        return found
 
     def _keep(self, name: str, kept: _Kept) -> None:
         with self._lock:
             self._kept[name] = kept
+            self._kept.move_to_end(name)
             while len(self._kept) > self._most:
                 self._kept.popitem(last=False)

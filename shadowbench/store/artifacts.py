@@ -41,7 +41,7 @@ class ArtifactFolder:
         path = self.path(name)
         with store_errors(path, "write the artifact"):
             if not (path.is_file() and path.read_bytes() == content):  # a damaged file is replaced
-                _write_whole(path, content)
+                write_whole(path, content)
         return name
 
     def get(self, name: str) -> bytes:
@@ -68,7 +68,8 @@ class ArtifactFolder:
         return self.folder / name[:2] / name
 
 
-def _write_whole(path: Path, content: bytes) -> None:
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file, wholly or not at all, and durably; its folder is made if need be."""
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
     try:

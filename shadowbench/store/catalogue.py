@@ -133,6 +133,16 @@ class Catalogue:
             query = _filtered(select(func.count()).select_from(StoredRun.__table__), wanted)
             return int(session.execute(query).scalar_one())
 
+    def state_of(self, run_id: str) -> str:
+        """Return a text that another one takes the place of when a run, or a row of it, changes."""
+        rows = select(func.count(), func.max(_ROWS.id), func.max(_ROWS.measured_at)).where(_ROWS.run_id == run_id)
+        run = select(_RUNS.id, _RUNS.status, _RUNS.finished_at, StoredUpload.digest).outerjoin(
+            StoredUpload, StoredUpload.run_id == _RUNS.run_id
+        )
+        with self._store.session("look for changes") as session:
+            known = session.execute(run.where(_RUNS.run_id == run_id)).first()
+            return repr((known and tuple(known), tuple(session.execute(rows).one())))
+
     def facets(self) -> dict[str, list[str]]:
         """Return the machines, versions and experiments of all runs, and the methods of all rows."""
         with self._store.session("list machines and versions") as session:

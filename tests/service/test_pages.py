@@ -214,6 +214,30 @@ def test_answers_are_made_once_while_nothing_changes(filled: Service, monkeypatc
     assert len(made) == 2
 
 
+def test_what_is_made_of_one_run_outlives_changes_of_others(filled: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+    from shadowbench.service import answers
+
+    made: list[str] = []
+    for name in ("run", "claims", "case", "compare"):
+        real = getattr(answers, name)
+        monkeypatch.setattr(answers, name, lambda *given, real=real, name=name: made.append(name) or real(*given))
+
+    def ask() -> list[str]:
+        made.clear()
+        for path in ("/runs/run-1", "/runs/run-1/claims", "/runs/run-1/cases/pcf-1", "/compare?a=run-0&b=run-1"):
+            assert filled.client.get(path).status_code == 200
+        return list(made)
+
+    assert ask() == ["run", "claims", "case", "compare"]
+    assert ask() == []
+    filled.put(some_run(run_id="other"), [some_row(run_id="other")])
+    assert ask() == []
+    row = some_row("pcf", run_id="run-1", case_key="pcf-1", failure_percent=77.5)
+    assert filled.put(some_run(run_id="run-1"), [row]).json()["kept"] == "replaced"
+    assert ask() == ["run", "claims", "case", "compare"]
+    assert "77.5" in filled.client.get("/runs/run-1/cases/pcf-1").text
+
+
 def test_answers_are_packed_for_who_can_unpack_them(filled: Service) -> None:
     packed = filled.client.get("/runs", headers={"Accept-Encoding": "gzip"})
     assert packed.headers["content-encoding"] == "gzip"
