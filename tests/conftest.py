@@ -8,8 +8,10 @@ import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import once_a_session
 import postgresql_server
 import pytest
+from lasting_workers import end_idle_workers, lasting_workers
 
 from shadowbench.store import DATABASE_NAME, Store
 
@@ -18,7 +20,7 @@ DATABASES = ("sqlite", "postgresql")
 _numbers = itertools.count()
 
 
-def pytest_configure() -> None:
+def pytest_configure(config: pytest.Config) -> None:
     """Take signals as a program in the foreground does, even where the tests were started in the background.
 
     A shell without job control has what it starts with ``&`` ignore SIGINT, and nohup SIGHUP; all children inherit it.
@@ -26,6 +28,22 @@ def pytest_configure() -> None:
     for number, usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
         if signal.getsignal(number) is signal.SIG_IGN:
             signal.signal(number, usual)
+    if _starts_the_others(config):
+        once_a_session.begin()
+
+
+def pytest_unconfigure(config: pytest.Config) -> None:
+    """End what was kept for other tests: in each process its workers, in the last what all processes shared."""
+    end_idle_workers()
+    if _starts_the_others(config):
+        server = once_a_session.folder("postgresql") / "server"
+        if server.exists():
+            postgresql_server.stop(Path(server.read_text()))
+        once_a_session.end()
+
+
+def _starts_the_others(config: pytest.Config) -> bool:
+    return not hasattr(config, "workerinput")
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
@@ -33,34 +51,45 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
     return 2 * len(os.sched_getaffinity(0))
 
 
+@pytest.fixture(name="lasting_workers", scope="module")
+def _lasting_workers() -> Iterator[None]:
+    """Have the runs of a module use the same worker processes, one after the other."""
+    with lasting_workers():
+        yield
+
+
+def _start_postgresql(folder: Path) -> None:
+    """Start a server whose database ``postgres`` has the schema, made once to be copied for each test."""
+    server = postgresql_server.start()
+    (folder / "server").write_text(str(server))
+    Store.open(Path(), database=postgresql_server.address_of(server).format("postgres")).close()
+
+
 @pytest.fixture(scope="session")
 def postgresql() -> Iterator[Callable[[], str]]:
-    """Return a function that makes a database on a server of this session and returns its address."""
-    with postgresql_server.running() as address:
-        from sqlalchemy import create_engine
+    """Return a function that makes a database on the session's server and returns its address."""
+    from sqlalchemy import create_engine
 
-        Store.open(Path(), database=address.format("postgres")).close()
-        # what is copied for each test: the schema, made once
-        engine = create_engine(
-            address.format("template1").replace("postgresql://", "postgresql+psycopg://"), isolation_level="AUTOCOMMIT"
-        )
+    server = once_a_session.made("postgresql", _start_postgresql) / "server"
+    address = postgresql_server.address_of(Path(server.read_text()))
+    engine = create_engine(
+        address.format("template1").replace("postgresql://", "postgresql+psycopg://"), isolation_level="AUTOCOMMIT"
+    )
 
-        def make() -> str:
-            name = f"test{next(_numbers)}"
-            with engine.connect() as connection:
-                connection.exec_driver_sql(f"CREATE DATABASE {name} TEMPLATE postgres")
-            return address.format(name)
+    def make() -> str:
+        name = f"test_{os.getpid()}_{next(_numbers)}"
+        with engine.connect() as connection:
+            connection.exec_driver_sql(f"CREATE DATABASE {name} TEMPLATE postgres")
+        return address.format(name)
 
-        yield make
-        engine.dispose()
+    yield make
+    engine.dispose()
 
 
 @pytest.fixture(scope="session")
-def made_database(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def made_database() -> Path:
     """Return an empty results database, to be copied where many tests need one: making it takes a while."""
-    folder = tmp_path_factory.mktemp("made")
-    Store.open(folder).close()
-    return folder / DATABASE_NAME
+    return once_a_session.made("database", lambda folder: Store.open(folder).close()) / DATABASE_NAME
 
 
 @pytest.fixture(params=DATABASES)
