@@ -33,12 +33,9 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:
-    """End what was kept for other tests: in each process its workers, in the last what all processes shared."""
+    """End what was kept for other tests: each process its workers, the one that started the others what all shared."""
     end_idle_workers()
     if _starts_the_others(config):
-        server = once_a_session.folder("postgresql") / "server"
-        if server.exists():
-            postgresql_server.stop(Path(server.read_text()))
         once_a_session.end()
 
 
@@ -58,32 +55,29 @@ def _lasting_workers() -> Iterator[None]:
         yield
 
 
-def _start_postgresql(folder: Path) -> None:
-    """Start a server whose database ``postgres`` has the schema, made once to be copied for each test."""
-    server = postgresql_server.start()
-    (folder / "server").write_text(str(server))
-    Store.open(Path(), database=postgresql_server.address_of(server).format("postgres")).close()
-
-
 @pytest.fixture(scope="session")
 def postgresql() -> Iterator[Callable[[], str]]:
-    """Return a function that makes a database on the session's server and returns its address."""
-    from sqlalchemy import create_engine
+    """Return a function that makes a database on a server of this process and returns its address.
 
-    server = once_a_session.made("postgresql", _start_postgresql) / "server"
-    address = postgresql_server.address_of(Path(server.read_text()))
-    engine = create_engine(
-        address.format("template1").replace("postgresql://", "postgresql+psycopg://"), isolation_level="AUTOCOMMIT"
-    )
+    Not one for the whole session: a catalogue's version counts the transactions of a server, whosever they are.
+    """
+    with postgresql_server.running() as address:
+        from sqlalchemy import create_engine
 
-    def make() -> str:
-        name = f"test_{os.getpid()}_{next(_numbers)}"
-        with engine.connect() as connection:
-            connection.exec_driver_sql(f"CREATE DATABASE {name} TEMPLATE postgres")
-        return address.format(name)
+        Store.open(Path(), database=address.format("postgres")).close()
+        # what is copied for each test: the schema, made once
+        engine = create_engine(
+            address.format("template1").replace("postgresql://", "postgresql+psycopg://"), isolation_level="AUTOCOMMIT"
+        )
 
-    yield make
-    engine.dispose()
+        def make() -> str:
+            name = f"test{next(_numbers)}"
+            with engine.connect() as connection:
+                connection.exec_driver_sql(f"CREATE DATABASE {name} TEMPLATE postgres")
+            return address.format(name)
+
+        yield make
+        engine.dispose()
 
 
 @pytest.fixture(scope="session")

@@ -29,8 +29,8 @@ def made(name: str, make: Callable[[Path], object]) -> Path:
         name: What it is called.
         make: Fills the empty folder. If it raises, the next process tries again.
     """
-    shared, mark = folder(name), folder(f"{name}.made")
-    with folder(f"{name}.lock").open("w") as lock:
+    shared, mark = _folder(name), _folder(f"{name}.made")
+    with _folder(f"{name}.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not mark.exists():
             shutil.rmtree(shared, ignore_errors=True)
@@ -40,6 +40,5 @@ def made(name: str, make: Callable[[Path], object]) -> Path:
     return shared
 
 
-def folder(name: str) -> Path:
-    """Return where something is, or will be."""
+def _folder(name: str) -> Path:
     return Path(os.environ[_VARIABLE]) / name

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 
-_SETTINGS = {"listen_addresses": "''", "shared_buffers": "64MB", "max_connections": "400"}
+_SETTINGS = {"listen_addresses": "''", "shared_buffers": "64MB", "max_connections": "200"}
 _FORGETFUL = {"fsync": "off", "full_page_writes": "off", "synchronous_commit": "off"}
 """What a power cut could cost does not matter to tests."""
 
@@ -28,48 +28,30 @@ def running(*, durable: bool = False) -> Iterator[str]:
     Args:
         durable: Let each commit reach the disk, as a group's server does.
     """
-    folder = start(durable=durable)
-    try:
-        yield address_of(folder)
-    finally:
-        stop(folder)
-
-
-def start(*, durable: bool = False) -> Path:
-    """Start a server as :func:`running` does, which outlives this process, and return its folder."""
-    if not _programs():
+    programs = sorted(Path("/usr/lib/postgresql").glob("*/bin"), key=lambda path: int(path.parent.name))
+    if not programs:
         reason = "PostgreSQL's server is not installed (Debian: apt-get install postgresql)"
         if os.environ.get("SHADOWBENCH_NEED_POSTGRESQL"):
             pytest.fail(reason)
         pytest.skip(reason)
     folder = Path(tempfile.mkdtemp(prefix="shadowbench-postgresql-"))
-    if os.geteuid() == 0:
+    by_somebody: tuple[str, ...] = ()
+    if os.geteuid() == 0:  # the server refuses to run as root
         shutil.chown(folder, "postgres", "postgres")
+        by_somebody = ("runuser", "-u", "postgres", "--")
+    bin_folder = programs[-1]
+
+    def call(*command: str) -> None:
+        subprocess.run([*by_somebody, *command], check=True, cwd=folder, stdout=subprocess.DEVNULL)
+
     cluster = str(folder / "cluster")
-    _call(folder, "initdb", "-D", cluster, "-U", "shadowbench", "-A", "trust", "-E", "UTF8", "--locale=C.UTF-8")
+    call(f"{bin_folder}/initdb", "-D", cluster, "-U", "shadowbench", "-A", "trust", "-E", "UTF8", "--locale=C.UTF-8")
     chosen = _SETTINGS if durable else _SETTINGS | _FORGETFUL
     settings = " ".join(f"-c {name}={value}" for name, value in chosen.items())
     options = f"-k {folder} {settings}"
-    _call(folder, "pg_ctl", "-D", cluster, "-w", "-l", str(folder / "log"), "-o", options, "start")
-    return folder
-
-
-def address_of(folder: Path) -> str:
-    """Return the address of a server's databases."""
-    return f"postgresql://shadowbench@/{{}}?host={folder}"
-
-
-def stop(folder: Path) -> None:
-    """End a server and remove what it kept."""
-    _call(folder, "pg_ctl", "-D", str(folder / "cluster"), "-w", "-m", "immediate", "stop")
-    shutil.rmtree(folder)
-
-
-def _programs() -> list[Path]:
-    return sorted(Path("/usr/lib/postgresql").glob("*/bin"), key=lambda path: int(path.parent.name))
-
-
-def _call(folder: Path, program: str, *arguments: str) -> None:
-    by_somebody = ("runuser", "-u", "postgres", "--") if os.geteuid() == 0 else ()  # it refuses to run as root
-    command = [*by_somebody, str(_programs()[-1] / program), *arguments]
-    subprocess.run(command, check=True, cwd=folder, stdout=subprocess.DEVNULL)
+    call(f"{bin_folder}/pg_ctl", "-D", cluster, "-w", "-l", str(folder / "log"), "-o", options, "start")
+    try:
+        yield f"postgresql://shadowbench@/{{}}?host={folder}"
+    finally:
+        call(f"{bin_folder}/pg_ctl", "-D", cluster, "-w", "-m", "immediate", "stop")
+        shutil.rmtree(folder)
