@@ -6,6 +6,7 @@ NumPy and Pillow only, as :mod:`shadowbench.pictures`. A method's ``explain()`` 
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -134,11 +135,17 @@ def depth_sheet(maps: Sequence[tuple[str, NDArray[np.float32]]], *, left_out: in
 
 def _fitted(draw: ImageDraw.ImageDraw, text: str, width: int) -> str:
     """Return a text, shortened in its middle where it is wider than there is room."""
-    cut = len(text)
-    while draw.textlength(text, font_size=_LETTERS) > width and cut > 2:
-        cut -= 1
-        text = f"{text[: cut // 2]}\u2026{text[len(text) - cut // 2 :]}"
-    return text
+
+    def wide(shown: str) -> float:
+        return draw.textlength(shown, font_size=_LETTERS)
+
+    def cut(kept: int) -> str:
+        return f"{text[:kept]}\u2026{text[len(text) - kept :]}"
+
+    if len(text) < 3 or wide(text) <= width:
+        return text
+    fitting = bisect_right(range(1, (len(text) + 1) // 2), float(width), key=lambda kept: wide(cut(kept)))
+    return cut(max(1, fitting))
 
 
 def depth_picture(depth: NDArray[np.float32]) -> NDArray[np.uint8]:

@@ -15,6 +15,10 @@ from shadowbench.runner.cases import ClusterAccess
 
 COMMAND = (sys.executable, "-m", "shadowbench")
 
+BENCH = "shadowbench.runner.cluster.bench_process"
+CASE = "shadowbench.runner.worker"
+"""The modules that a worker's measuring process and a case's process run."""
+
 
 class LocalCluster:
     """A scheduler, and workers that share a cache and a host lock of their own. Leaving it ends all of them.
@@ -66,6 +70,12 @@ class LocalCluster:
         process = self._start("worker", *arguments, command=command or COMMAND)
         self._said(process)
         return process
+
+    def end_idle_processes(self) -> None:
+        """End the measuring processes that wait for another job, so that those that are seen later are of that job."""
+        for worker in self.workers:
+            for process in running_below(worker, BENCH):
+                process.kill()  # its case processes die with it
 
     def _start(self, *arguments: str, command: tuple[str, ...] = COMMAND) -> subprocess.Popen[str]:
         process = subprocess.Popen(

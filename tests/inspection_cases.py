@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
-from small_runs import carry_out, planned
+import once_a_session
+from small_runs import carry_out, kept, planned
 
+from shadowbench.identity import key_of
 from shadowbench.rows import ResultRow
 
 
-def measured(results: Path, *methods: str, scenes: tuple[str, ...] = ("box-on-plane",)) -> list[ResultRow]:
-    """Measure methods with one round each, and return their rows."""
-    plan = planned(results, *methods, scenes=scenes, min_rounds=1, max_rounds=1, plugin_files=())
-    return carry_out(plan).rows
+def measured(results: Path, *methods: str) -> list[ResultRow]:
+    """Measure methods with one round each, once a test session; fill a folder with that and return the rows."""
+    name = f"cases-{key_of(methods)}"
+    shutil.copytree(once_a_session.made(name, lambda made: _measure(made, methods)), results, dirs_exist_ok=True)
+    return kept(results).rows
+
+
+def _measure(results: Path, methods: tuple[str, ...]) -> None:
+    carry_out(planned(results, *methods, scenes=("box-on-plane",), min_rounds=1, max_rounds=1, plugin_files=()))

@@ -78,3 +78,10 @@ def carry_out(plan: Plan, observer: Recorder | None = None) -> Ended:
     with Store.open(plan.options.results) as store:
         record = runner.run(plan, store, seen)
         return Ended(record, store.rows(record.run_id), seen)
+
+
+def kept(results: Path) -> Ended:
+    """Read back the last run of a folder, which another process may have carried out."""
+    with Store.open(results, create=False) as store:
+        record = max(store.runs(), key=lambda run: run.created_at)
+        return Ended(record, store.rows(record.run_id), Recorder())

@@ -19,12 +19,13 @@ import subprocess
 import sys
 import tempfile
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
-from clusters import LocalCluster, running_below
+from clusters import BENCH, CASE, LocalCluster, running_below
 from small_runs import planned
 
 from shadowbench.rows import Outcome, RunStatus
@@ -62,17 +63,19 @@ class Counts:
     wrong: list[str] = field(default_factory=list)
 
 
-def killed_run(folder: Path, kills: int, seed: int) -> Counts:
+def killed_run(folder: Path, kills: int, seed: int, scenes: Sequence[str] = SCENES) -> Counts:
     """Carry out runs, one after the other, until all kills were made and the last run is complete."""
     chance, counts, number = random.Random(seed), Counts(), 0
     with LocalCluster(folder / "cluster") as cluster:
         while sum(counts.kills.values()) < kills:
             number += 1
-            _one_run(folder / f"run-{number}", cluster, kills, chance, counts)
+            _one_run(folder / f"run-{number}", cluster, scenes, kills, chance, counts)
     return counts
 
 
-def _one_run(results: Path, cluster: LocalCluster, kills: int, chance: random.Random, counts: Counts) -> None:
+def _one_run(
+    results: Path, cluster: LocalCluster, scenes: Sequence[str], kills: int, chance: random.Random, counts: Counts
+) -> None:
     told: set[str] = set()
     is_complete = False
     while not is_complete:
@@ -82,12 +85,12 @@ def _one_run(results: Path, cluster: LocalCluster, kills: int, chance: random.Ra
         while len(cluster.workers) < 2:
             cluster.worker()
         command = [sys.executable, "-c", CLIENT, str(Path(__file__).parent.parent)]
-        arguments = [str(results), cluster.address, " ".join(SCENES), *METHODS]
+        arguments = [str(results), cluster.address, " ".join(scenes), *METHODS]
         with subprocess.Popen([*command, *arguments], stdout=subprocess.PIPE, text=True) as client:
             assert client.stdout is not None
             for event, line in enumerate(client.stdout):
                 words = line.split()
-                if words[0] == "left" and int(words[1]) != len(SCENES) * len(METHODS) - len(before):
+                if words[0] == "left" and int(words[1]) != len(scenes) * len(METHODS) - len(before):
                     counts.wrong.append(f"a client had {words[1]} cases left after {len(before)} rows")
                 if words[0] == "row" and line.endswith("\n"):
                     if words[1] in before:
@@ -103,7 +106,7 @@ def _one_run(results: Path, cluster: LocalCluster, kills: int, chance: random.Ra
         counts.wrong += [f"{key} was lost" for key in told - _kept(results).keys()]
         changed = [key for key, row in _kept(results).items() if before.get(key, row) != row]
         counts.wrong += [f"{key} was changed" for key in changed]
-    _look_at(results, counts)
+    _look_at(results, scenes, counts)
 
 
 def _kill_someone(client: subprocess.Popen[str], cluster: LocalCluster, chance: random.Random, counts: Counts) -> None:
@@ -117,7 +120,7 @@ def _kill_someone(client: subprocess.Popen[str], cluster: LocalCluster, chance: 
         cluster.worker()
     else:
         bench = victim == "measuring process"
-        module = "shadowbench.runner.cluster.bench_process" if bench else "shadowbench.runner.worker"
+        module = BENCH if bench else CASE
         below = [process for each in cluster.workers for process in running_below(each, module)]
         if not below:
             return
@@ -137,13 +140,13 @@ def _kept(results: Path) -> dict[str, str]:
     return found
 
 
-def _look_at(results: Path, counts: Counts) -> None:
+def _look_at(results: Path, scenes: Sequence[str], counts: Counts) -> None:
     with sqlite3.connect(results / "results.sqlite") as database:
         ((integrity,),) = database.execute("PRAGMA integrity_check")
     with Store.open(results) as store:
         runs = store.runs()
         rows = store.rows(runs[0].run_id)
-    planned_keys = {case.case_key for case in planned(results, *METHODS, scenes=SCENES).cases}
+    planned_keys = {case.case_key for case in planned(results, *METHODS, scenes=tuple(scenes)).cases}
     if integrity != "ok":
         counts.wrong.append(f"the database: {integrity}")
     if len(runs) != 1 or runs[0].status is not RunStatus.COMPLETE:

@@ -15,7 +15,7 @@ from shadowbench.cli.interruption import ended_like_ctrl_c
 from shadowbench.rows import RunStatus
 from shadowbench.store import Store
 
-RUN = ("--scene", "box-on-plane", "--method", "no-shadows", "--method", "shadow-map:resolution=64/128/256/512/1024")
+RUN = ("--scene", "box-on-plane", "--method", "no-shadows", "--method", "shadow-map:resolution=64/128/256")
 SMALL = ("--size", "48x32", "--threads", "1", "--budget", "2")
 
 

@@ -98,6 +98,7 @@ def test_without_a_driver_the_case_is_skipped_with_the_reason(tmp_path, monkeypa
 
 
 @needs_opengl
+@pytest.mark.usefixtures("lasting_workers")
 def test_the_row_names_the_device_and_another_one_is_another_case(tmp_path, monkeypatch):
     (row,) = carry_out(planned(tmp_path, "opengl-shadow-map")).rows
     assert row.outcome is Outcome.OK, row.reason

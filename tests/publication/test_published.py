@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import once_a_session
 import pytest
 from PIL import Image
 
@@ -23,16 +24,18 @@ from shadowbench.publication.folder import read_rows, read_sample
 PROJECT_RESULTS = Path(__file__).parents[2] / "results"
 
 
-@pytest.fixture(scope="module")
-def published(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A small run, published."""
-    folder = tmp_path_factory.mktemp("published")
+def _publish(folder: Path) -> None:
     results, to = folder / "store", folder / "pages"
     choices = ["--scene", "box-on-plane", "--size", "96x72", "--budget", "0.2", "--threads", "1"]
     methods = ["--method", "shadow-map:resolution=128", "--method", "vsm:resolution=128", "--method", "instanced"]
     assert main(["run", *choices, *methods, "--results", str(results), "--json"]) == 0
     assert main(["publish", "latest", "--results", str(results), "--to", str(to)]) == 0
-    return to
+
+
+@pytest.fixture(scope="module")
+def published() -> Path:
+    """A small run, published once a test session and only read."""
+    return once_a_session.made("published", _publish) / "pages"
 
 
 @pytest.fixture

@@ -18,6 +18,8 @@ from small_runs import PLUGIN_FILES, carry_out, planned
 from shadowbench.rows import Outcome, RunStatus
 from shadowbench.store import Store
 
+pytestmark = pytest.mark.usefixtures("lasting_workers")  # of those that resume
+
 METHODS = ("formula", "unavailable", "good:level=1/2", "raises")
 
 TELLING_RUN = """

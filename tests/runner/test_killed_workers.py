@@ -18,6 +18,8 @@ from shadowbench.rows import Outcome
 from shadowbench.runner.pool import Pool, Worker
 from shadowbench.store import DATABASE_NAME
 
+pytestmark = pytest.mark.usefixtures("lasting_workers")
+
 METHODS = ("formula", "good:level=1/2", "pcf:resolution=64")
 
 
@@ -42,11 +44,12 @@ def kill_during(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, int], None]:
 
 
 def _run(folder: Path) -> Ended:
-    ended = carry_out(planned(folder, *METHODS))
+    plan = planned(folder, *METHODS)
+    ended = carry_out(plan)
     assert len({(row.experiment, row.case_key) for row in ended.rows}) == len(ended.rows) == 4
     with closing(sqlite3.connect(folder / DATABASE_NAME)) as connection:
         assert connection.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
-    again = carry_out(planned(folder, *METHODS))
+    again = carry_out(plan)
     assert again.seen.remaining == 0
     assert again.rows == ended.rows
     return ended

@@ -18,6 +18,8 @@ from shadowbench.rows import Outcome
 from shadowbench.runner import planning
 from shadowbench.runner.pool import Pool, Worker
 
+pytestmark = pytest.mark.usefixtures("lasting_workers")
+
 
 def test_a_plan_has_all_parameters_lights_and_keys(tmp_path: Path) -> None:
     plan = planned(

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
+import once_a_session
 import pytest
-from small_runs import Ended
+from small_runs import Ended, carry_out, kept, planned
 
 from shadowbench.rows import Outcome
 
@@ -15,14 +17,16 @@ Measure = Callable[..., Ended]
 THREE = {"processes": 3, "min_rounds": 9, "max_rounds": 9, "budget_s": 60.0}
 
 
-@pytest.fixture(scope="module")
-def ended(tmp_path_factory: pytest.TempPathFactory) -> Ended:
-    from small_runs import carry_out, planned
-
+def _carry_out(results: Path) -> None:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("FAILS_AGAIN_MARK", str(tmp_path_factory.mktemp("mark") / "mark"))
+        patch.setenv("FAILS_AGAIN_MARK", str(results / "mark"))
         methods = ("formula", "fickle-process", "counts-processes", "fickle-process-allowed", "fails-again", "good")
-        return carry_out(planned(tmp_path_factory.mktemp("results"), *methods, **THREE))
+        carry_out(planned(results, *methods, **THREE))
+
+
+@pytest.fixture(scope="module")
+def ended() -> Ended:
+    return kept(once_a_session.made("processes", _carry_out))
 
 
 def test_every_round_names_its_process(ended: Ended) -> None:

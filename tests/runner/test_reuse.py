@@ -16,6 +16,8 @@ from shadowbench.runner.pool import Worker
 from shadowbench.runner.reuse import QUALITY_COLUMNS, difference
 from shadowbench.store import Store
 
+pytestmark = pytest.mark.usefixtures("lasting_workers")
+
 SEEN = {"counters": {"tests": 7}, "kept": {"map": 64}, "visibility_digest": "bits"}
 
 

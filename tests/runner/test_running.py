@@ -15,6 +15,8 @@ from shadowbench.store import Store
 
 Measure = Callable[..., Ended]
 
+pytestmark = pytest.mark.usefixtures("lasting_workers")
+
 
 def test_a_row_says_what_was_measured(measure: Measure, tmp_path: Path) -> None:
     ended = measure("formula", "formula:shift=0.25", "good", sizes=["96x64"], max_rounds=8, min_rounds=8)

@@ -171,22 +171,37 @@ def _points_tested(triangles: int) -> int:
     point, own = point[order], own[order]
     first = np.searchsorted((row * cells + column)[order], np.arange(cells * cells + 1))
 
-    tested, is_shadowed = 0, np.zeros(len(point), bool)
-    for t, (a, b, c) in enumerate(corners[:triangles] @ axes):
-        bounds = np.array([np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)])[:, :2]
-        (left, top), (right, bottom) = np.clip(((bounds - low) / size * cells).astype(int), 0, cells - 1)
-        rows = [np.arange(first[r * cells + left], first[r * cells + right + 1]) for r in range(top, bottom + 1)]
-        near = np.concatenate(rows)
-        near = near[~is_shadowed[near] & (own[near] != t)]
-        x, y, _ = point[near].T
-        area = [(q[0] - p[0]) * (y - p[1]) - (q[1] - p[1]) * (x - p[0]) for p, q in ((b, c), (c, a), (a, b))]
-        covered = (np.sign(area) >= 0).all(axis=0) | (np.sign(area) <= 0).all(axis=0)
-        tested += int(covered.sum())
-        weights = np.stack(area, axis=1)[covered]
-        weights /= weights.sum(axis=1, keepdims=True)
-        is_nearer = weights @ np.array([a[2], b[2], c[2]]) > point[near[covered], 2]
-        is_shadowed[near[covered][is_nearer]] = True
+    seen = corners[:triangles] @ axes
+    lowest, highest = seen[..., :2].min(axis=1), seen[..., :2].max(axis=1)
+    low_cell, high_cell = (
+        ((bounds - low) / size * cells).astype(int).clip(0, cells - 1) for bounds in (lowest, highest)
+    )
+    may_cover = np.flatnonzero(((lowest <= low + size) & (highest >= low)).all(axis=1))
+
+    tested, first_shadowing = 0, np.full(len(point), triangles)
+    for some in np.array_split(may_cover, 1 + len(may_cover) // 5000):
+        (left, top), (right, bottom) = low_cell[some].T, high_cell[some].T
+        span, row = _ranges(top, bottom + 1)
+        begin, end = first[row * cells + left[span]], first[row * cells + right[span] + 1]
+        within, near = _ranges(begin, end)
+        t = some[span[within]]
+        t, near = t[own[near] != t], near[own[near] != t]
+        a, b, c = seen[t].transpose(1, 2, 0)
+        x, y, depth = point[near].T
+        area = np.array([(q[0] - p[0]) * (y - p[1]) - (q[1] - p[1]) * (x - p[0]) for p, q in ((b, c), (c, a), (a, b))])
+        covers = (np.sign(area) >= 0).all(axis=0) | (np.sign(area) <= 0).all(axis=0)
+        t, near, area = t[covers], near[covers], area[:, covers]
+        is_nearer = (area * seen[t, :, 2].T).sum(axis=0) / area.sum(axis=0) > depth[covers]
+        np.minimum.at(first_shadowing, near[is_nearer], t[is_nearer])
+        tested += int((t <= first_shadowing[near]).sum())
     return tested
+
+
+def _ranges(begin: NDArray[np.int64], end: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the numbers of all ranges one after the other, behind the number of the range that each is in."""
+    length = end - begin
+    which = np.repeat(np.arange(len(length)), length)
+    return which, np.arange(len(which)) + (begin - np.cumsum(length) + length)[which]
 
 
 def test_as_many_points_are_tested_for_1000_triangles_as_in_the_paper() -> None:
